@@ -16,7 +16,7 @@ from tracker.bodies.body import BodyModel
 from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Person, Scene
 from tracker.foundation.resources import model_path
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ from observations import objective_of
 
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.tracking.doubt import Because, Doubt
 from tracker.tracking.doubts import Doubts
 from tracker.tracking.estimate import Estimate

@@ -15,7 +15,7 @@ from tracker.cameras.rig import Rig
 from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array, Mask
-from tracker.images.observation import Observation, ViewObservation
+from tracker.images.sight import Observation, ViewObservation
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.objective import Objective
 

@@ -21,9 +21,8 @@ from tracker.foundation.resources import model_path
 from tracker.images.analysis import Analysis, thinned
 from tracker.images.analysis.contours import ContourAnalysis
 from tracker.images.analysis.silhouettes import SilhouetteAnalysis
-from tracker.images.observation import Observation, ViewObservation
 from tracker.images.plate import Plate
-from tracker.images.sight import Sight
+from tracker.images.sight import Observation, Sight, ViewObservation
 from tracker.synthesis.cpu import CpuSynthesis
 
 SIZE = 384, 288

@@ -11,7 +11,7 @@ import pytest
 
 from tracker.bodies.scene import Scene
 from tracker.foundation.errors import RenderError
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.synthesis import auto
 from tracker.synthesis.auto import AutoSynthesis
 from tracker.synthesis.cpu import CpuSynthesis

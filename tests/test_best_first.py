@@ -15,7 +15,7 @@ from tracker.bodies.body import BodyModel
 from tracker.bodies.scene import Scene
 from tracker.evidence.measures.account import Account
 from tracker.foundation.arrays import Array
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.estimation.best_first import BestFirstEstimation
 from tracker.tracking.objective import Objective

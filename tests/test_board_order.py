@@ -10,8 +10,7 @@ from board_prints import chessboard, filmed, shown_about, two_cameras
 from scipy.spatial.transform import Rotation
 
 from tracker.cameras.calibration import Calibrated
-from tracker.cameras.calibration._board_order import turns_of
-from tracker.cameras.calibration._boards import find_corners
+from tracker.cameras.calibration._boards import find_corners, turns_of
 from tracker.cameras.calibration.chessboard import BoardImages, ChessboardCalibration
 from tracker.cameras.camera import Camera
 from tracker.foundation.arrays import Array

@@ -21,7 +21,7 @@ from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array, Image
 from tracker.foundation.errors import ModelError
-from tracker.images.observation import Observation, ViewObservation
+from tracker.images.sight import Observation, ViewObservation
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 from tracker.tracking.objective import Objective

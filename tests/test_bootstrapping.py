@@ -11,8 +11,7 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence.contours import ContourEvidence
 from tracker.foundation.arrays import Array
-from tracker.images.observation import Observation
-from tracker.images.sight import Sight
+from tracker.images.sight import Observation, Sight
 from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking import bootstrapping
 from tracker.tracking.bootstrapping import bootstrap

@@ -20,7 +20,7 @@ from tracker.cameras.calibration._board_print import PAPERS, dark_cells, largest
 from tracker.cameras.calibration._boards import Pattern, charuco_detector, find_board
 from tracker.foundation.arrays import Image
 from tracker.foundation.errors import CalibrationError, ConfigError, SequenceError
-from tracker.images.spread_pictures import spread_pictures
+from tracker.images.footage import spread_pictures
 from tracker.running.cli import app
 from tracker.running.jobs.calibrate import load_calibration
 

@@ -23,7 +23,7 @@ from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.similarity.chamfer import ChamferSimilarity
 from tracker.foundation.arrays import Array, Array32
 from tracker.foundation.resources import model_path
-from tracker.images.observation import Observation, ViewObservation
+from tracker.images.sight import Observation, ViewObservation
 from tracker.kernels.contours import directed_distances
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.objective import Objective

@@ -19,8 +19,7 @@ import tomli_w
 from sections import made, minimal
 
 import tracker.evidence.similarity
-from tracker.foundation.configuration.components import available, contract, find, stages
-from tracker.foundation.configuration.plugins import ask_before_plugins
+from tracker.foundation.configuration.components import ask_before_plugins, available, contract, find, stages
 from tracker.foundation.configuration.tables import build, component_stage, describe
 from tracker.foundation.errors import ConfigError
 

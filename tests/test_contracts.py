@@ -29,8 +29,7 @@ from tracker.evidence.regions import RegionEvidence
 from tracker.foundation.configuration.components import available
 from tracker.foundation.errors import ConfigError, InitializationError
 from tracker.images.analysis.contours import ContourAnalysis
-from tracker.images.observation import Observation
-from tracker.images.sight import Sight
+from tracker.images.sight import Observation, Sight
 from tracker.kernels.contours import directed_distances
 from tracker.kernels.regions import Lines
 from tracker.synthesis._pictures import misfits_of

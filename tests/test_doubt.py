@@ -17,7 +17,7 @@ from recordings import TrueStart, cycle_for, small_simulation, with_images
 
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.results.recording import RunContext
 from tracker.results.recording._drawing import states_of
 from tracker.results.recording._journal_line import line_of, replay_of

@@ -17,7 +17,7 @@ from tracker.evidence.measures.account import Account
 from tracker.evidence.measures.correspondences import Equations
 from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.estimation.hybrid import HybridEstimation
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation

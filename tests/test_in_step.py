@@ -15,9 +15,8 @@ from numbered_pictures import KINDS, VIEWS, pictures_of, shown, write_video
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import ConfigError
 from tracker.images.inspection import Survey, findings
-from tracker.images.inspection._delays import Delays, delays_of
-from tracker.images.inspection._tangents import Tangents
-from tracker.images.reading._offsets import ViewOffset, chosen_offsets, later
+from tracker.images.inspection._delays import Delays, Tangents, delays_of
+from tracker.images.reading._timeline import ViewOffset, chosen_offsets, later
 from tracker.images.reading.video import VideoReading
 from tracker.results.result import load_result
 from tracker.running.jobs import execute, load_job

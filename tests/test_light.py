@@ -11,7 +11,7 @@ import pytest
 from recordings import small_simulation
 
 from tracker.foundation.arrays import Array, Image, Mask
-from tracker.images.operations.light import Light, light_of, sparse
+from tracker.images.operations.appearance import Light, light_of, sparse
 from tracker.images.plate import Plate, changed, threshold_level
 from tracker.images.reading.video import open_clip
 from tracker.kernels.changes import DARK, block_ratios, connected_blocks, relight, smooth_surface

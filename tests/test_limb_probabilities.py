@@ -12,7 +12,7 @@ import pytest
 from doubted import estimate_of
 
 from tracker.bodies.scene import Scene
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.tracking.limb_probabilities import FITTED, Known, limb_probabilities, right_by
 
 SCRIPTS = str(Path(__file__).parents[1] / "scripts")

@@ -10,7 +10,7 @@ from tracker.bodies.body import BodyModel
 from tracker.bodies.limbs import scattered
 from tracker.bodies.scene import Person, Scene
 from tracker.foundation.arrays import Array
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.estimation.neighbours import NeighboursEstimation
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation

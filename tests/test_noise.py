@@ -11,7 +11,7 @@ import pytest
 
 from tracker.bodies.subject import Subject
 from tracker.foundation.arrays import Image
-from tracker.images.operations.light import noise_grey, smoothed
+from tracker.images.operations.appearance import noise_grey, smoothed
 from tracker.images.reading.images import ImageReading
 from tracker.images.reading.video import VideoReading
 from tracker.running.jobs.track import TrackJob

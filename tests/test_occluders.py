@@ -14,12 +14,11 @@ from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.errors import CalibrationError, SequenceError
 from tracker.images.analysis.contours import ContourAnalysis
 from tracker.images.analysis.silhouettes import SilhouetteAnalysis
-from tracker.images.observation import HIDDEN
 from tracker.images.plate import Plate, changed
-from tracker.images.reading._masks import load_occluders, with_occluders
+from tracker.images.reading._sequence import load_occluders, with_occluders
 from tracker.images.reading.images import ImageReading
 from tracker.images.reading.video import VideoReading
-from tracker.images.sight import Sight
+from tracker.images.sight import HIDDEN, Sight
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.sequence import Simulation, write_sequence
 

@@ -13,7 +13,7 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.rig import Rig
 from tracker.evidence.measures.correspondences import Correspondences, correspondences
 from tracker.foundation.arrays import Array, Integers
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.kernels.contours import match_oriented, normal_equations
 
 

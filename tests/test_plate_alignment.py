@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tracker.foundation.arrays import Array, Image
-from tracker.images.operations.plate_alignment import LEAST_INLIERS, aligned
+from tracker.images.plate import LEAST_INLIERS, aligned
 
 
 def textured(seed: int, size: tuple[int, int] = (360, 480)) -> Image:

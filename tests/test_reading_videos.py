@@ -26,7 +26,7 @@ from numbered_pictures import (
 
 from tracker.foundation.arrays import Image
 from tracker.foundation.errors import SequenceError
-from tracker.images.reading._rates import _apart
+from tracker.images.reading._stamps import _apart
 from tracker.images.reading._timeline import Timeline, at_one_pace, timeline_of
 from tracker.images.reading.video import open_clip
 

@@ -10,7 +10,7 @@ from doubted import after_all, estimate_of, in_doubt, steps_of
 
 from tracker.bodies.scene import Scene
 from tracker.foundation.errors import SequenceError
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.results.recording._journal_line import line_of, replay_of
 from tracker.tracking.doubt import Because, Doubt
 from tracker.tracking.limb_probabilities import limbs_left_over

@@ -25,7 +25,7 @@ from tracker.bodies.scene import Person, Scene
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Integers, Mask
 from tracker.foundation.errors import RenderError
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.kernels.contours import directed_distances
 from tracker.kernels.pictures import id_contours
 from tracker.synthesis import _atlas

@@ -22,7 +22,7 @@ from typer.testing import CliRunner
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig import AXES, Rig
 from tracker.cameras.rig_layouts import load_rig, read_rig, save_rig
-from tracker.cameras.rig_layouts._pickled import pickled_table
+from tracker.cameras.rig_layouts.opencap import pickled_table
 from tracker.foundation.errors import CalibrationError
 from tracker.running.cli import app
 

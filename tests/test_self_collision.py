@@ -13,7 +13,7 @@ from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Scene
 from tracker.foundation.geometry.superquadrics import inside_outside
 from tracker.foundation.resources import model_path
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.kernels.body import depth
 from tracker.synthesis.simulation.sequence import Recipe, simulate
 

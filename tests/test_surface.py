@@ -19,7 +19,7 @@ from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import load_rig, save_rig
 from tracker.foundation.errors import ConfigError, MatchingError, SequenceError, TrackerError
-from tracker.images.operations.light import wallis_filter
+from tracker.images.operations.appearance import wallis_filter
 from tracker.images.reading.stills import StillReading
 from tracker.points.following.births import given_points
 from tracker.points.surfaces.growth import Growth

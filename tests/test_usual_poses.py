@@ -14,7 +14,7 @@ from tracker.bodies.scene import Scene
 from tracker.evidence.measures.correspondences import Equations
 from tracker.foundation.arrays import Array
 from tracker.foundation.resources import model_path
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 
 

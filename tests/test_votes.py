@@ -14,7 +14,7 @@ from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.silhouettes import SilhouetteEvidence
 from tracker.evidence.similarity.chamfer import ChamferSimilarity
 from tracker.foundation.arrays import Array, Integers
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.synthesis.cpu import CpuSynthesis
 
 GATE_PX, DIRECTION_DEG = 30.0, 40.0

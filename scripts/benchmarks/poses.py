@@ -19,8 +19,7 @@ from tracker.evidence.similarity.chamfer import ChamferSimilarity
 from tracker.foundation.arrays import Array, Image
 from tracker.foundation.configuration.components import available, find
 from tracker.images.analysis.contours import ContourAnalysis
-from tracker.images.observation import Observation
-from tracker.images.sight import Sight
+from tracker.images.sight import Observation, Sight
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.rendering import draw_persons, mesh_of
 from tracker.synthesis.simulation.sequence import Recipe, simulate

@@ -16,7 +16,7 @@ from tracker.bodies.scene import Scene
 from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array, Mask
-from tracker.images.observation import Observation, ViewObservation
+from tracker.images.sight import Observation, ViewObservation
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.sequence import Recipe, Simulation, simulate
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation

@@ -15,7 +15,7 @@ from tracker.cameras.rig import Rig
 from tracker.evidence.measures.outlines import on_outline
 from tracker.foundation.arrays import Array, Array32, Integers, Mask
 from tracker.foundation.geometry.superquadrics import shape_derivatives
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.kernels.contours import match_oriented
 from tracker.synthesis import Synthesis
 

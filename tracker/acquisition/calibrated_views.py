@@ -23,10 +23,9 @@ from tracker.foundation.errors import SequenceError
 from tracker.foundation.progress import Progress, silent
 from tracker.images.analysis import Analysis
 from tracker.images.analysis.contours import ContourAnalysis
-from tracker.images.observation import Observation
 from tracker.images.operations.edges import distance_to
 from tracker.images.plate import Plate
-from tracker.images.sight import Sight
+from tracker.images.sight import Observation, Sight
 from tracker.synthesis import Synthesis
 from tracker.tracking.strangers import hide_strangers
 

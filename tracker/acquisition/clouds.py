@@ -18,7 +18,7 @@ from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Integers, frozen
 from tracker.foundation.configuration.components import FilePath, component
 from tracker.foundation.errors import SequenceError
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 
 _LARGEST_BYTES = 2**30
 """Of a file: a cloud of ten million points has a third of it."""

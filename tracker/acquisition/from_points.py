@@ -24,7 +24,7 @@ from tracker.foundation.arrays import Array, frozen
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import SequenceError
 from tracker.foundation.progress import Progress, silent
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.points.following.tables import PointTable
 from tracker.synthesis.cpu import CpuSynthesis
 

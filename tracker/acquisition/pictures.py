@@ -20,8 +20,8 @@ from tracker.evidence.measures.outlines import Comparison, largest_region
 from tracker.foundation.arrays import Array, Image, Mask
 from tracker.foundation.configuration.components import FilePath, component
 from tracker.foundation.errors import CalibrationError, ConfigError, SequenceError
-from tracker.images.observation import Observation
 from tracker.images.plate import Plate, foreground
+from tracker.images.sight import Observation
 from tracker.synthesis import Synthesis
 from tracker.tracking.objective import Objective
 

@@ -20,7 +20,7 @@ from tracker.evidence.measures.outlines import outline_observation
 from tracker.foundation.arrays import Array
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import ModelError, nearest
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.synthesis import Synthesis
 
 # A start whose turn is not 90 degrees must be nearer by this factor.

@@ -8,7 +8,7 @@ import numpy as np
 from tracker.bodies.contours import Contours
 from tracker.evidence.measures.account import Account
 from tracker.foundation.arrays import Array, Image, Mask
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.kernels.contours import edge_shares
 
 Distances = tuple[float, Array]

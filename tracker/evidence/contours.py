@@ -17,8 +17,7 @@ from tracker.foundation.arrays import Array, Array32, Image
 from tracker.foundation.configuration.components import component
 from tracker.images.analysis import Analysis
 from tracker.images.analysis.contours import ContourAnalysis
-from tracker.images.observation import Observation, ViewObservation
-from tracker.images.sight import Sight
+from tracker.images.sight import Observation, Sight, ViewObservation
 
 # Distance where every view is missing, px: that of an outlier everywhere.
 _NOTHING_PX = 40.0

@@ -13,8 +13,8 @@ from typing import Literal
 import numpy as np
 import pydantic
 
+from tracker.bodies.body.surface import nearest_parts
 from tracker.bodies.contours import Contours
-from tracker.bodies.nearest import nearest_parts
 from tracker.bodies.scene import Scene
 from tracker.cameras.rig import Rig
 from tracker.evidence import GUESSED, Evidence, EvidencePicture, Memory

@@ -20,8 +20,7 @@ from tracker.evidence.measures.outlines import Comparison, on_outline, outline_o
 from tracker.evidence.similarity.chamfer import ChamferSimilarity
 from tracker.foundation.arrays import Array, Array32, Mask, frozen
 from tracker.foundation.configuration.components import component
-from tracker.images.observation import Observation
-from tracker.images.sight import Sight
+from tracker.images.sight import Observation, Sight
 from tracker.kernels.pictures import cover_shares
 
 # The longer side of an image is brought to about this for the overlap, px: a quarter of 720.

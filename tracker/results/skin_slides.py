@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.nearest import nearest_parts
+from tracker.bodies.body.surface import nearest_parts
 from tracker.foundation.arrays import Array, Integers, Mask
 from tracker.foundation.errors import SequenceError
 from tracker.foundation.geometry.superquadrics import signed_distance

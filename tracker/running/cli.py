@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from tracker.foundation.configuration.plugins import ask_before_plugins
+from tracker.foundation.configuration.components import ask_before_plugins
 from tracker.foundation.errors import ConfigError, TrackerError, os_fault
 from tracker.running.commands.acquire import acquire
 from tracker.running.commands.calibrate import calibrate_app

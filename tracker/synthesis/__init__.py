@@ -14,7 +14,7 @@ from typing import Protocol, TypeVar, runtime_checkable
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Array, Integers, Mask
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.kernels.regions import Lines
 from tracker.synthesis._pictures import distances_of, misfits_of
 

@@ -16,7 +16,7 @@ from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Array, Array32, Integers, Mask
 from tracker.foundation.errors import RenderError
 from tracker.foundation.geometry.superquadrics import Meshes
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.synthesis._graphics import library, unusable
 from tracker.synthesis._pictures import Picture, boxes_of, ranges_of, solids_of
 

@@ -12,7 +12,7 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.camera import Camera
 from tracker.foundation.arrays import Array, Array32, Integers, Mask
 from tracker.foundation.geometry.superquadrics import box_bounds, meshes_of
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.kernels.contours import directed_distances
 from tracker.kernels.pictures import id_contours, rasterize
 from tracker.kernels.regions import Lines, parts_beside, score_lines

@@ -11,7 +11,7 @@ from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Array, Integers, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import RenderError
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.kernels.regions import Lines
 from tracker.synthesis._atlas import atlas_on
 from tracker.synthesis.cpu import CpuSynthesis

@@ -15,7 +15,7 @@ from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Array, Array32, Integers, Mask, frozen
 from tracker.foundation.configuration.components import component
 from tracker.foundation.geometry.superquadrics import spread, surface
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.kernels.contours import MOST_COLUMNS, MOST_ROWS, moving_parts, score_poses, trace_contours, trace_still
 from tracker.kernels.pictures import fill_parts
 from tracker.kernels.regions import Lines, score_regions

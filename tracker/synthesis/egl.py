@@ -12,7 +12,7 @@ from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Array, Integers, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.geometry.superquadrics import Meshes, meshes_of
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.kernels.regions import Lines
 from tracker.kernels.rows import RegionRow
 from tracker.synthesis._atlas import Atlas, Batch, atlas_on, batches

@@ -12,7 +12,7 @@ from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Array, Image, Integers, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.geometry.superquadrics import meshes_of
-from tracker.images.observation import Observation
+from tracker.images.sight import Observation
 from tracker.kernels.regions import Lines
 from tracker.synthesis._pictures import Picture, before_cameras, contours_of, distances_of, misfits_of
 from tracker.synthesis._pyrender import Drawing, drawn, shaded

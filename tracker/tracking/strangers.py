@@ -14,7 +14,7 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.camera import Camera
 from tracker.cameras.frame import seen_pixels
 from tracker.foundation.arrays import Array, Integers, Mask
-from tracker.images.operations.light import SAMPLING
+from tracker.images.operations.appearance import SAMPLING
 from tracker.images.operations.masks import grown
 from tracker.images.sight import Sight
 from tracker.synthesis import Synthesis

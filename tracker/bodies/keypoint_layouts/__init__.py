@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker.bodies.keypoint_layouts._numbers import last_number
 from tracker.bodies.keypoint_layouts.one_json import files_of, json_files, persons_in, read_one_json
-from tracker.bodies.keypoint_layouts.orders import Order, order_of, order_told
+from tracker.bodies.keypoint_layouts.orders import Order, last_number, order_of, order_told
 from tracker.bodies.keypoint_layouts.tables import read_table
 from tracker.bodies.keypoints import Detections
 from tracker.foundation.arrays import Array

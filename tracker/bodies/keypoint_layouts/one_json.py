@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tracker.bodies.keypoint_layouts._numbers import last_number, numbers, with_gaps
+from tracker.bodies.keypoint_layouts.orders import last_number, numbers, with_gaps
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import SequenceError, shortened
 from tracker.foundation.source_files import json_of, text_of

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tracker.bodies.keypoint_layouts._numbers import last_number, number, with_gaps
+from tracker.bodies.keypoint_layouts.orders import last_number, number, with_gaps
 from tracker.bodies.keypoints import plain_name
 from tracker.foundation.arrays import Array, Integers
 from tracker.foundation.errors import SequenceError, shortened

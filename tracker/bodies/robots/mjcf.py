@@ -12,10 +12,10 @@ from xml.etree import ElementTree
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tracker.bodies.robots import Robot
-from tracker.bodies.robots._links import (
+from tracker.bodies.robots import (
     Nested,
     NestedJoint,
+    Robot,
     along,
     assembled,
     box,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Protocol, runtime_checkable
 
 from tracker.cameras.calibration._adjustment import Calibrated, Measure
+from tracker.cameras.calibration._board_looks import FoundBoard, found_board
 from tracker.cameras.calibration._board_print import BoardPrint, board_pattern, largest_square_mm, write_board
 from tracker.cameras.calibration._floor_marks import Mark, floor_marks
-from tracker.cameras.calibration._found_boards import FoundBoard, found_board
 from tracker.cameras.calibration._report import report_html, report_text
 from tracker.cameras.calibration._world import read_points
 from tracker.cameras.frame import Views

@@ -12,16 +12,19 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tracker.cameras.calibration._board_looks import FEWEST_CORNERS, shown_share, sighting, told_of
-from tracker.cameras.calibration._board_order import (
+from tracker.cameras.calibration._boards import (
     Link,
+    Pattern,
     SeenCorners,
     check_ends,
+    find_board,
+    goes_on,
     links_of,
     odd_pairs,
     one_way_round,
+    plain_grey,
     refuse,
 )
-from tracker.cameras.calibration._boards import Pattern, find_board, goes_on, plain_grey
 from tracker.cameras.calibration._bundle import Observations, State
 from tracker.cameras.calibration._objects import Boards, camera_of, nominal_state, pinhole_of, state_of
 from tracker.cameras.camera import Camera

@@ -10,9 +10,8 @@ import numpy as np
 import pydantic
 
 from tracker.cameras.calibration._adjustment import Adjustment, Calibrated, Measure
-from tracker.cameras.calibration._board_order import SeenCorners, turns_of
 from tracker.cameras.calibration._board_start import BoardSearch, LensKind, board_start, patterns_of
-from tracker.cameras.calibration._boards import Pattern, charuco_detector
+from tracker.cameras.calibration._boards import Pattern, SeenCorners, charuco_detector, turns_of
 from tracker.cameras.calibration._objects import Boards
 from tracker.cameras.calibration._report import advice
 from tracker.cameras.calibration._self_calibration import chosen_unknowns, self_calibrated

@@ -11,10 +11,16 @@ from typing import ClassVar, Protocol
 from tracker.cameras.camera import Camera
 from tracker.cameras.fisheye import told_end
 from tracker.cameras.rig import Rig
-from tracker.cameras.rig_layouts._plausible import check_interior, interior_remarks, with_terms
+from tracker.cameras.rig_layouts._plausible import FARTHEST_M as FARTHEST_M
+from tracker.cameras.rig_layouts._plausible import (
+    check_interior,
+    in_metres,
+    interior_remarks,
+    unit_of,
+    unit_remarks,
+    with_terms,
+)
 from tracker.cameras.rig_layouts._sources import other_program, xml_tag
-from tracker.cameras.rig_layouts._units import FARTHEST_M as FARTHEST_M
-from tracker.cameras.rig_layouts._units import in_metres, unit_of, unit_remarks
 from tracker.foundation.configuration.components import available, find
 from tracker.foundation.errors import CalibrationError, ConfigError, nearest, os_fault, shortened
 from tracker.foundation.files import write_whole

@@ -10,8 +10,8 @@ import tomli_w
 from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import Listing
 from tracker.cameras.rig_layouts._cameras import Entry, camera_table, listing_of, toml_program
+from tracker.cameras.rig_layouts._plausible import unit_of
 from tracker.cameras.rig_layouts._sources import toml_table
-from tracker.cameras.rig_layouts._units import unit_of
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import CalibrationError, shortened
 

@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import Listing
 from tracker.cameras.rig_layouts._cameras import toml_program
+from tracker.cameras.rig_layouts._plausible import up_remarks
 from tracker.cameras.rig_layouts._sources import toml_table
-from tracker.cameras.rig_layouts._units import up_remarks
 from tracker.cameras.rig_layouts.anipose import AniposeLayout
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import CalibrationError

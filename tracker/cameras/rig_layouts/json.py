@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import Listing
 from tracker.cameras.rig_layouts._cameras import Entry, listing_of
+from tracker.cameras.rig_layouts._plausible import unit_of
 from tracker.cameras.rig_layouts._sources import json_table, written_in
-from tracker.cameras.rig_layouts._units import unit_of
 from tracker.cameras.rig_layouts.panoptic import is_panoptic
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import CalibrationError, nearest

@@ -13,7 +13,7 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.rig import Rig
 from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array, Integers, Mask, frozen
-from tracker.images.observation import PackedEdges
+from tracker.images.sight import PackedEdges
 from tracker.kernels.contours import match_oriented
 from tracker.kernels.rows import SampleRow, ScenePointRow
 

@@ -13,8 +13,8 @@ from tracker.bodies.body import BodyModel
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Array, Array32, Integers, Mask, Region
-from tracker.images.observation import Observation, ViewObservation
 from tracker.images.operations.edges import EdgeSegments, canny, chamfer_image, gradient, segment_edges
+from tracker.images.sight import Observation, ViewObservation
 from tracker.synthesis import Synthesis
 
 # Of the steps of a mask's outline: a choice.

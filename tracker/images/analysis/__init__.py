@@ -8,9 +8,8 @@ import numpy as np
 
 from tracker.bodies.contours import Contours
 from tracker.foundation.arrays import Array32, Integers, Mask, Region, frozen
-from tracker.images.observation import Observation, ViewObservation
 from tracker.images.operations.edges import EdgeSegments, chamfer_image
-from tracker.images.sight import Sight
+from tracker.images.sight import Observation, Sight, ViewObservation
 from tracker.kernels.edges import expected_distances
 
 

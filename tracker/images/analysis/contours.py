@@ -13,9 +13,8 @@ from tracker.bodies.contours import Contours, expected_region, expected_samples
 from tracker.foundation.arrays import Array32, Image, Mask, Region, frozen
 from tracker.foundation.configuration.components import component
 from tracker.images.analysis import Analysis, accepted_segments, view_observation
-from tracker.images.observation import Observation, ViewObservation
 from tracker.images.operations.edges import EdgeSegments, canny, gradient, segment_edges
-from tracker.images.sight import Sight
+from tracker.images.sight import Observation, Sight, ViewObservation
 from tracker.kernels.edges import marked
 
 

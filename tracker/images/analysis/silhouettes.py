@@ -11,9 +11,8 @@ from tracker.foundation.arrays import Array32, Image, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import SequenceError
 from tracker.images.analysis import Analysis, accepted_segments, view_observation
-from tracker.images.observation import Observation, ViewObservation
 from tracker.images.operations.edges import canny, gradient, segment_edges
-from tracker.images.sight import Sight
+from tracker.images.sight import Observation, Sight, ViewObservation
 
 # An outline this close to what stands before a person is that of the other thing: as far as smoothing moves it.
 _RIM_PX = 3

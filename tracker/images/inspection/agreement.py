@@ -11,8 +11,7 @@ import pydantic
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.components import component
 from tracker.images.inspection import Survey
-from tracker.images.inspection._rays import misses, usual_share
-from tracker.images.inspection._survey import FACTOR
+from tracker.images.inspection._survey import FACTOR, misses, usual_share
 from tracker.images.inspection.bodies import n_bodies
 
 # Frames in which something has to be seen before anything is told.

@@ -9,7 +9,7 @@ import pydantic
 
 from tracker.foundation.configuration.components import component
 from tracker.images.inspection import Survey
-from tracker.images.inspection._rays import misses
+from tracker.images.inspection._survey import misses
 
 # Frames in which both ends have to be seen before anything is told.
 _LEAST_FRAMES = 10

@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 from tracker.cameras.frame import Frame, Views
 from tracker.cameras.rig import Rig
 from tracker.images.plate import Plate
-from tracker.images.reading._offsets import later
+from tracker.images.reading._timeline import later
 
 __all__ = ["Reading", "Sequence", "later"]
 

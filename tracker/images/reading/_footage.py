@@ -1,24 +1,183 @@
-"""What a recording is on disk: one stream of images a view, some of which may be absent."""
+"""What a recording is on disk, one stream of images a view, and which of its views and frames are read."""
 
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Literal, Protocol, TypeVar
 
 from tracker.cameras.frame import Packed
+from tracker.cameras.rig import Rig
+from tracker.cameras.rig_layouts import load_rig
 from tracker.foundation.arrays import Image
-from tracker.foundation.errors import SequenceError
-from tracker.images.reading._selection import OnMissing
+from tracker.foundation.errors import ConfigError, SequenceError, nearest
+from tracker.images.reading._timeline import ViewOffset
+
+OnMissing = Literal["error", "skip"]
+
+_FEWEST_TELLING = 10
+"""Frames of the shortest view from which its length tells a rate."""
+
+_OF_A_FACTOR = 0.03
+"""By which lengths of one time at two rates are off a whole factor: cameras are not stopped in one frame."""
+
+log = logging.getLogger("tracker")
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which frames of a recording are delivered."""
+
+    start: int
+    stop: int
+    stride: int
+
+    @property
+    def indices(self) -> range:
+        """Frame numbers in order."""
+        return range(self.start, self.stop, self.stride)
+
+
+def chosen_rig(path: Path | None, views: tuple[str, ...]) -> Rig:
+    """The rig of a file, restricted to the named views in their order.
+
+    Raises:
+        ConfigError: no file is given.
+    """
+    if path is None:
+        raise ConfigError('[reading]: the key "rig" is missing, expected the calibration, e.g. rig = "Calib.toml"')
+    return load_rig(path, views)
+
+
+def chosen_names(views: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of cameras that no rig tells.
+
+    Raises:
+        ConfigError: there are none, or one is given twice.
+    """
+    if not views:
+        raise ConfigError(
+            "[reading] views: expected the names of the cameras, which stand for {view} in the path, e.g. "
+            'views = ["left", "right"]'
+        )
+    if len(set(views)) < len(views):
+        raise ConfigError(f"[reading] views = {list(views)}: expected different names, one a camera")
+    return views
+
+
+def view_paths(pattern: str | dict[str, str], names: tuple[str, ...]) -> tuple[Path, ...]:
+    """The path of every view, by a pattern with `{view}` or by a table.
+
+    Raises:
+        SequenceError: the pattern gives all views the same path, or the table two of them, or a view none.
+    """
+    if isinstance(pattern, dict):
+        return _told_paths(pattern, names)
+    if "{view}" not in pattern and len(names) > 1:
+        raise SequenceError(f'"{pattern}": no {{view}} in it, so all {len(names)} views would show the same')
+    return tuple(Path(pattern.replace("{view}", name)) for name in names)
+
+
+def _told_paths(table: dict[str, str], names: tuple[str, ...]) -> tuple[Path, ...]:
+    for name in names:
+        if name not in table:
+            raise SequenceError(f'[reading] path: no file of view "{name}"; {nearest(name, table)}')
+    paths = tuple(Path(table[name].replace("{view}", name)) for name in names)
+    for k, path in enumerate(paths):
+        if path in paths[:k]:
+            raise SequenceError(f'[reading] path: "{names[paths.index(path)]}" and "{names[k]}" are both {path}')
+    return paths
+
+
+def common_length(
+    names: tuple[str, ...],
+    lengths: tuple[int, ...],
+    offsets: tuple[ViewOffset, ...],
+    on_missing: OnMissing,
+    stop: int | None,
+) -> int:
+    """Number of frames that all views have; the longest view's where views may be missing or end after `stop`.
+
+    Raises:
+        SequenceError: the views have different numbers of frames, some too few, and none may be missing.
+    """
+    usable = [offset.length(length) for length, offset in zip(lengths, offsets, strict=True)]
+    factor = _told_factor(names, usable)
+    enough = stop is not None and stop <= min(usable)
+    if on_missing == "error" and len(set(usable)) > 1 and not enough:
+        table = ", ".join(f"{name} {length}" for name, length in zip(names, usable, strict=True))
+        raise SequenceError(
+            f"the views have different numbers of frames ({table}): give offsets or stop, or set "
+            'on_missing = "skip" to leave a view out of the frames it lacks' + (f"; but {factor}" if factor else "")
+        )
+    if factor:
+        log.warning("%s", factor)
+    return max(usable)
+
+
+def _told_factor(names: tuple[str, ...], lengths: list[int]) -> str:
+    """What is said of a view that has a whole share of the frames of others; empty if none has."""
+    shortest, longest = min(lengths), max(lengths)
+    times = round(longest / shortest) if shortest >= _FEWEST_TELLING else 1
+    if times < 2 or abs(longest / (times * shortest) - 1) > _OF_A_FACTOR:
+        return ""
+    return (
+        f"{names[lengths.index(shortest)]} has 1 frame for {times} of {names[lengths.index(longest)]}: if it filmed "
+        f"as long, at a lower rate, frames of one number are not of one moment; write 1 frame of every {times} "
+        "of the others to new files then"
+    )
+
+
+def selected(start: int, stop: int | None, stride: int, length: int) -> Selection:
+    """The range of frames, checked against the recording's length.
+
+    Raises:
+        SequenceError: the range is empty or ends beyond the recording.
+    """
+    end = length if stop is None else stop
+    if not 0 <= start < end <= length:
+        raise SequenceError(
+            f"frames {start} to {end} asked for, the recording has {length}: mend start and stop, or --frames"
+        )
+    return Selection(start, end, stride)
+
+
+def numbered_files(name: str, pattern: Path) -> dict[int, Path]:
+    """The files of a view by their number.
+
+    Args:
+        name: of the view, for messages.
+        pattern: path with `{frame}` in the file name.
+
+    Raises:
+        SequenceError: there are none, or two of one number.
+    """
+    folder, before_after = pattern.parent, pattern.name.split("{frame}")
+    if len(before_after) != 2:
+        raise SequenceError(f'"{pattern}": no {{frame}} in the file name, expected e.g. images/{{view}}/{{frame}}.png')
+    if not folder.is_dir():
+        raise SequenceError(f'view "{name}": no folder {folder}')
+    number = re.compile(r"(\d+)".join(re.escape(piece) for piece in before_after))
+    matches = ((number.fullmatch(file.name), file) for file in sorted(folder.iterdir()))
+    files: dict[int, Path] = {}
+    for n, file in ((int(match[1]), file) for match, file in matches if match):
+        if n in files:
+            raise SequenceError(
+                f'view "{name}": {files[n].name} and {file.name} in {folder} are both number {n}: remove one'
+            )
+        files[n] = file
+    if not files:
+        raise SequenceError(f'view "{name}": no image {pattern.name} in {folder}')
+    return files
+
 
 LEAST_FPS, MOST_FPS = 1e-3, 1e5
 """A picture every quarter of an hour, and the fastest cameras."""
 
 _View = TypeVar("_View")
-
-log = logging.getLogger("tracker")
 
 
 class ImageStream(Protocol):

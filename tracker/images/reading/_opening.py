@@ -12,13 +12,18 @@ from tracker.foundation.arrays import Image, Mask
 from tracker.foundation.configuration.components import NO_PLATES, RECORDED
 from tracker.foundation.errors import SequenceError
 from tracker.images.plate import Plate
-from tracker.images.reading._footage import Footage, opened_views
-from tracker.images.reading._masks import MaskFiles, checked_masks, load_occluders, mask_paths, with_occluders
-from tracker.images.reading._offsets import Offsets, chosen_offsets
+from tracker.images.reading._footage import Footage, OnMissing, common_length, numbered_files, opened_views, selected
 from tracker.images.reading._plates import N_SAMPLES, load_plates, recorded_plates
-from tracker.images.reading._selection import OnMissing, common_length, numbered_files, selected
-from tracker.images.reading._sequence import OpenSequence
-from tracker.images.reading._streaming import OpenViews
+from tracker.images.reading._sequence import (
+    MaskFiles,
+    OpenSequence,
+    OpenViews,
+    checked_masks,
+    load_occluders,
+    mask_paths,
+    with_occluders,
+)
+from tracker.images.reading._timeline import Offsets, chosen_offsets
 
 # Frames of a long recording in which what most of them show is looked for: all before the last have to be decoded.
 _MOST_SEARCHED = 1500

@@ -13,12 +13,11 @@ import numpy as np
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Image, Mask
 from tracker.foundation.errors import SequenceError
-from tracker.images.operations.light import Light, light_of, sparse
+from tracker.images.operations.appearance import Light, light_of, sparse
 from tracker.images.operations.masks import grown
-from tracker.images.operations.plate_alignment import LEAST_INLIERS, aligned
-from tracker.images.plate import MOST_LEVEL, Plate, changed
+from tracker.images.plate import LEAST_INLIERS, MOST_LEVEL, Plate, aligned, changed
+from tracker.images.reading._footage import view_paths
 from tracker.images.reading._pictures import check_size, read_image
-from tracker.images.reading._selection import view_paths
 from tracker.kernels.changes import dominant_modes
 
 N_SAMPLES = 25

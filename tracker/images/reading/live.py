@@ -22,13 +22,12 @@ from tracker.foundation.configuration.components import (
     component,
 )
 from tracker.foundation.errors import ConfigError, SequenceError, nearest
-from tracker.images.operations.light import smoothed
+from tracker.images.operations.appearance import smoothed
 from tracker.images.plate import Plate
 from tracker.images.reading._cameras import Cameras, Moment, Source
-from tracker.images.reading._footage import LEAST_FPS, MOST_FPS
+from tracker.images.reading._footage import LEAST_FPS, MOST_FPS, chosen_rig, view_paths
 from tracker.images.reading._pictures import Downscale, brightened, check_size, downscaled
 from tracker.images.reading._plates import load_plates
-from tracker.images.reading._selection import chosen_rig, view_paths
 from tracker.images.reading.video import plate_of_clip
 
 log = logging.getLogger("tracker")

@@ -10,13 +10,11 @@ import pydantic
 from tracker.foundation.arrays import Image
 from tracker.foundation.configuration.components import FilePath, PathPattern, component
 from tracker.foundation.errors import SequenceError
-from tracker.images.reading._footage import Footage, opened_views
-from tracker.images.reading._offsets import Offsets
+from tracker.images.reading._footage import Footage, OnMissing, chosen_names, chosen_rig, opened_views, view_paths
 from tracker.images.reading._opening import opened, opened_uncalibrated
 from tracker.images.reading._pictures import read_image
-from tracker.images.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
-from tracker.images.reading._sequence import OpenSequence
-from tracker.images.reading._streaming import OpenViews
+from tracker.images.reading._sequence import OpenSequence, OpenViews
+from tracker.images.reading._timeline import Offsets
 from tracker.images.reading.video import plate_of_clip
 
 

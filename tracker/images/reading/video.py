@@ -13,16 +13,23 @@ import pydantic
 from tracker.foundation.arrays import Image
 from tracker.foundation.configuration.components import FilePath, PathPattern, PlatePattern, ViewPaths, component
 from tracker.foundation.errors import SequenceError
-from tracker.images.reading._footage import LEAST_FPS, MOST_FPS, AbsentView, Footage, ImageStream, opened_views
-from tracker.images.reading._offsets import Offsets
+from tracker.images.reading._footage import (
+    LEAST_FPS,
+    MOST_FPS,
+    AbsentView,
+    Footage,
+    ImageStream,
+    OnMissing,
+    chosen_names,
+    chosen_rig,
+    opened_views,
+    view_paths,
+)
 from tracker.images.reading._opening import opened, opened_uncalibrated
 from tracker.images.reading._pictures import Downscale
-from tracker.images.reading._rates import common_rate, told_of_rates
-from tracker.images.reading._selection import OnMissing, chosen_names, chosen_rig, view_paths
-from tracker.images.reading._sequence import OpenSequence
-from tracker.images.reading._stamps import paired_by_stamps
-from tracker.images.reading._streaming import OpenViews
-from tracker.images.reading._timeline import at_one_pace
+from tracker.images.reading._sequence import OpenSequence, OpenViews
+from tracker.images.reading._stamps import common_rate, paired_by_stamps, told_of_rates
+from tracker.images.reading._timeline import Offsets, at_one_pace
 from tracker.images.reading._video_view import VideoView, timeline
 
 log = logging.getLogger("tracker")

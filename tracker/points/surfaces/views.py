@@ -14,7 +14,7 @@ from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array32, Image
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import MatchingError, SequenceError
-from tracker.images.operations.light import wallis_filter
+from tracker.images.operations.appearance import wallis_filter
 
 # Grey levels between the darkest and the brightest percentile: a lens cap's noise.
 _BLANK_GREY = 3.0

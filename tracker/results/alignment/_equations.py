@@ -15,8 +15,7 @@ from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.measures.correspondences import correspondences
 from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array, Integers
-from tracker.images.observation import Observation
-from tracker.images.sight import Sight
+from tracker.images.sight import Observation, Sight
 from tracker.results.alignment.moments import Moment
 from tracker.synthesis.cpu import CpuSynthesis
 

@@ -14,8 +14,7 @@ from tracker.cameras.calibration import FoundBoard, found_board
 from tracker.foundation.configuration.schema import SCHEMA
 from tracker.foundation.errors import SequenceError
 from tracker.foundation.progress import Progress, silent
-from tracker.images.footage import FRAME, Footage, board_sources, header, pattern_of
-from tracker.images.spread_pictures import spread_pictures
+from tracker.images.footage import FRAME, Footage, board_sources, header, pattern_of, spread_pictures
 
 _N_PICTURES = 16
 """Of each view that are looked at."""

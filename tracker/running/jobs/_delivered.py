@@ -13,7 +13,7 @@ from tracker.cameras.frame import Frame
 from tracker.cameras.rig import fitting_downscale, shown_px
 from tracker.cameras.rig_layouts import load_rig
 from tracker.foundation.errors import TrackerError
-from tracker.images.operations.light import noise_grey
+from tracker.images.operations.appearance import noise_grey
 from tracker.images.plate import threshold_level
 from tracker.images.reading import Reading, Sequence
 
