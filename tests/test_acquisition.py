@@ -24,13 +24,11 @@ from tracker.acquisition.calibrated_views import (
     check_overlaps,
 )
 from tracker.acquisition.clouds import Look
-from tracker.acquisition.fit_task import FitSettings, Task
-from tracker.acquisition.fitting import Fit, fit
-from tracker.acquisition.part_search import section_distances
+from tracker.acquisition.fitting import Fit, FitSettings, Task, fit
 from tracker.acquisition.pictures import Pair, Picture, orthographic_camera, read_silhouette
 from tracker.acquisition.result import bone_lengths, model_of, stature_of
 from tracker.acquisition.silhouette_task import SilhouetteSettings
-from tracker.acquisition.two_silhouettes import _turn_deg, acquire
+from tracker.acquisition.two_silhouettes import _turn_deg, acquire, section_distances
 from tracker.bodies.body import BodyModel
 from tracker.bodies.body.description import load_body, read_description, save_description
 from tracker.bodies.scene import Person, Scene

@@ -11,7 +11,7 @@ from tracker.bodies.scene import Person, Scene
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Mask
-from tracker.foundation.geometry.motions import line_from_planes, nearest_along_line
+from tracker.foundation.geometry import line_from_planes, nearest_along_line
 from tracker.foundation.resources import model_path
 from tracker.images.operations.masks import iterated_axes, region_points
 from tracker.synthesis.cpu import CpuSynthesis

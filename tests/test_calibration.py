@@ -23,7 +23,7 @@ from tracker.cameras.calibration.reference_bar import BarImages
 from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import load_rig
 from tracker.foundation.errors import CalibrationError, ConfigError, TrackerError
-from tracker.foundation.geometry.motions import rigid_motion
+from tracker.foundation.geometry import rigid_motion
 from tracker.foundation.progress import silent
 from tracker.running.cli import app
 from tracker.running.jobs import execute

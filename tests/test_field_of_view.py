@@ -12,8 +12,7 @@ from rounding import assert_alike
 from tracker._native import project_grid, see_vertices
 from tracker.bodies.body import BodyModel
 from tracker.bodies.scene import Person, Scene
-from tracker.cameras.camera import Camera
-from tracker.cameras.fisheye import rational_of, told_end
+from tracker.cameras.camera import Camera, rational_of, told_end
 from tracker.cameras.rig import Rig
 from tracker.cameras.rig_check import check_rig
 from tracker.cameras.rig_layouts import read_rig, save_rig
@@ -21,8 +20,8 @@ from tracker.foundation.arrays import Array32
 from tracker.kernels.projection import project_point
 from tracker.results.recording._player import _camera
 from tracker.synthesis._pictures import rasterized_ids
-from tracker.synthesis._pyrender import pinhole_of
 from tracker.synthesis.cpu import CpuSynthesis
+from tracker.synthesis.osmesa import pinhole_of
 from tracker.synthesis.simulation.room import background_plates
 
 BARREL = replace(

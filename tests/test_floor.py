@@ -21,12 +21,12 @@ from tracker.bodies.keypoint_layouts.orders import LAYOUTS
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.calibration import floor_marks
 from tracker.cameras.camera import Camera
-from tracker.cameras.floor import fitted_floor, usual_up
 from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import load_rig, save_rig
 from tracker.foundation.arrays import Array, Image
 from tracker.foundation.errors import CalibrationError, ConfigError, TrackerError
 from tracker.running.cli import app
+from tracker.running.floors import fitted_floor, usual_up
 from tracker.synthesis.simulation.movements import poses_of
 
 UP = np.array([0.0, 0.0, 1.0])

@@ -48,6 +48,6 @@ class Outcome:
 
 
 def test_an_interrupted_job_ends_with_the_code_of_ctrl_c(folder, monkeypatch):
-    monkeypatch.setattr("tracker.running.commands.job.done", lambda *_: Outcome())
+    monkeypatch.setattr("tracker.running.cli.done", lambda *_: Outcome())
     told = CliRunner().invoke(app, ["follow", str(folder / "follow.toml")])
     assert told.exit_code == 130, told.output

@@ -22,8 +22,7 @@ from tracker.points.following.points import expected, restored
 from tracker.points.following.sequence import STATE, Counts, follow, save_state, saved_state
 from tracker.points.surfaces.growth import Growth
 from tracker.points.surfaces.matching import LeastSquaresMatching
-from tracker.points.surfaces.surface import SurfaceMeasurement, measure_surface
-from tracker.points.surfaces.views import Preparation
+from tracker.points.surfaces.surface import Preparation, SurfaceMeasurement, measure_surface
 from tracker.points.trajectories import PointStatus
 
 SIZE, NOISE, N_FRAMES = (200, 160), 1.0, 9

@@ -16,7 +16,7 @@ from tracker.foundation.errors import ConfigError, TrackerError
 from tracker.running.cli import app
 from tracker.running.jobs import job_from, load_job
 from tracker.running.jobs.track import TrackJob, TrackOutcome
-from tracker.running.run import Forecast, forecast
+from tracker.running.programs import Forecast, forecast
 from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 from tracker.tracking.doubts import Doubts
 
@@ -119,13 +119,13 @@ def test_what_would_end_the_run_is_said(config, tmp_path):
 def test_where_nobody_is_found_nothing_is_estimated_and_the_code_says_so(config, monkeypatch, tmp_path, dry):
     """The command ends with 2; one frame in which somebody was found is enough for an estimate."""
     lost = Doubts(n_frames=5, lost=(0, 1, 2, 3, 4), why_unfound="no foreground")
-    monkeypatch.setattr("tracker.running.run.forecast", lambda job, progress: Forecast(5, 4, 1.0, 0.5, lost))
+    monkeypatch.setattr("tracker.running.programs.forecast", lambda job, progress: Forecast(5, 4, 1.0, 0.5, lost))
     monkeypatch.setattr("tracker.running.commands.run.done", lambda *_: TrackOutcome(tmp_path, 5, lost))
     told = CliRunner().invoke(app, ["run", str(config), *(["--dry-run"] if dry else [])])
     assert told.exit_code == 2
     assert "nobody was found: no foreground" in told.output
     assert "take about" not in told.output
     some = replace(lost, lost=(0, 1, 2, 3), found=frozenset({"person1"}))
-    monkeypatch.setattr("tracker.running.run.forecast", lambda job, progress: Forecast(5, 4, 1.0, 0.5, some))
+    monkeypatch.setattr("tracker.running.programs.forecast", lambda job, progress: Forecast(5, 4, 1.0, 0.5, some))
     monkeypatch.setattr("tracker.running.commands.run.done", lambda *_: TrackOutcome(tmp_path, 5, some))
     assert CliRunner().invoke(app, ["run", str(config), *(["--dry-run"] if dry else [])]).exit_code == 0

@@ -17,7 +17,7 @@ from test_shape_space import some_shape, space
 
 import tracker.acquisition.from_recording as from_recording
 from tracker.acquisition.calibrated_views import ViewSettings, Watching, fit_to_views, view_overlaps
-from tracker.acquisition.fit_task import FitSettings
+from tracker.acquisition.fitting import FitSettings
 from tracker.acquisition.from_recording import best_seen, fit_bodies
 from tracker.acquisition.shape_space import ShapePrior, space_of
 from tracker.bodies.body.description import BodyDescription, read_description, save_description
@@ -29,7 +29,7 @@ from tracker.images.plate import Plate
 from tracker.running.jobs import execute, load_job
 from tracker.running.jobs._persons import _unlike
 from tracker.running.jobs.track import TrackJob
-from tracker.running.run import Run
+from tracker.running.programs import Run
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.sequence import Recipe, Simulation, write_sequence
 from tracker.tracking.cycle import Cycle, State

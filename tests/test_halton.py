@@ -7,7 +7,7 @@ import pytest
 from rounding import assert_alike
 from scipy.stats import qmc
 
-from tracker.foundation.geometry.halton import halton
+from tracker.foundation.geometry import halton
 
 
 @pytest.mark.parametrize(("n", "n_dimensions"), [(1, 1), (64, 6), (1000, 12)])

@@ -20,7 +20,7 @@ from tracker.images.reading._timeline import ViewOffset, chosen_offsets, later
 from tracker.images.reading.video import VideoReading
 from tracker.results.result import load_result
 from tracker.running.jobs import execute, load_job
-from tracker.running.jobs._in_step import in_step
+from tracker.running.jobs._delivery import in_step
 from tracker.running.jobs._told import looked_at
 from tracker.running.viewing.images import images_of
 from tracker.synthesis.simulation.sequence import Recipe, write_sequence

@@ -16,7 +16,7 @@ import tracker.running.jobs
 from tracker.bodies.subject import Subject
 from tracker.foundation.configuration.components import find
 from tracker.foundation.errors import ConfigError, TrackerError
-from tracker.running.commands.job import add_jobs
+from tracker.running.cli import add_jobs
 from tracker.running.jobs import Job, described, execute, job_from, load_job
 from tracker.running.jobs._inputs import fingerprints
 
@@ -174,7 +174,7 @@ def test_adding_a_job_is_adding_one_file(tmp_path: Path, monkeypatch: pytest.Mon
     (tmp_path / "jobs" / "count.py").write_text(COUNTING)
     (tmp_path / "count.toml").write_text('job = "count"\nname = "mine"\n')
     monkeypatch.setattr("tracker.running.jobs.__path__", [*tracker.running.jobs.__path__, str(tmp_path / "jobs")])
-    monkeypatch.setattr("tracker.running.commands.job._JOBS", tmp_path / "jobs")
+    monkeypatch.setattr("tracker.running.cli._JOBS", tmp_path / "jobs")
     monkeypatch.chdir(tmp_path)
     app = typer.Typer()
     app.command("other")(lambda: None)

@@ -24,7 +24,7 @@ from tracker.images.reading import Reading, Sequence, _cameras
 from tracker.images.reading.live import LiveReading, counts_of
 from tracker.results.result import load_result, remarks
 from tracker.running.jobs import execute, load_job
-from tracker.running.run import load_run
+from tracker.running.programs import load_run
 from tracker.running.viewing.viewer import LiveRun
 from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 

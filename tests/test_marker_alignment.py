@@ -13,10 +13,9 @@ from marked import HINGES, OFFSET_S, SET, SHIFT, TIMES_S, TURN, joints_at, simul
 
 from tracker.bodies.body import BodyModel
 from tracker.foundation.errors import SequenceError
-from tracker.foundation.geometry.motions import rigid_motion
-from tracker.results.evaluation.marker_alignment import align
+from tracker.foundation.geometry import rigid_motion
 from tracker.results.evaluation.marker_comparison import compare
-from tracker.results.evaluation.marker_fit import placed
+from tracker.results.evaluation.marker_fit import align, placed
 from tracker.results.evaluation.marker_set import MarkerJoints, joints_of
 from tracker.results.evaluation.time_correlation import Clocked, flexions, offsets_by_angles
 

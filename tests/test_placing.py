@@ -18,9 +18,7 @@ from tracker.cameras.frame import Frame
 from tracker.foundation.errors import ConfigError, TrackerError
 from tracker.running.cli import app
 from tracker.running.jobs import execute, load_job
-from tracker.running.viewing.beginning import begun_in_result, begun_in_run
-from tracker.running.viewing.hand_poses import dragged, handles, standing
-from tracker.running.viewing.placing import Placing
+from tracker.running.viewing.hand_poses import Placing, begun_in_result, begun_in_run, dragged, handles, standing
 from tracker.running.viewing.stage import serving
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.sequence import Recipe, write_sequence

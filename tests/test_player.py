@@ -22,7 +22,7 @@ from rig_samples import FISHEYE
 from tracker.cameras.rig import Rig
 from tracker.results.recording import RunContext
 from tracker.results.recording._motion import Motions
-from tracker.results.recording._preview import Preview, windows_of
+from tracker.results.recording._player import Preview, windows_of
 from tracker.results.recording.report import Report
 from tracker.tracking.estimate import Status
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation

@@ -29,8 +29,15 @@ from tracker.results.recognition.directions import (
     limb_directions,
 )
 from tracker.results.recognition.library import Description, Library, Movement, one_round
-from tracker.results.recognition.matching import Recognized, _together, angles_deg, recognize
-from tracker.results.recognition.timeline import strip, table_rows, timeline
+from tracker.results.recognition.matching import (
+    Recognized,
+    _together,
+    angles_deg,
+    recognize,
+    strip,
+    table_rows,
+    timeline,
+)
 from tracker.synthesis.simulation.movements import poses_of
 
 

@@ -13,8 +13,7 @@ from tracker.foundation.errors import ConfigError
 from tracker.results.recording.csv_table import CsvTable
 from tracker.running.batching import Summary
 from tracker.running.batching.processes import Processes
-from tracker.running.cli import app
-from tracker.running.commands.earlier_names import EARLIER
+from tracker.running.cli import EARLIER, app
 
 COMMANDS = {
     "evaluate": ["--truth", "TRUTH"],

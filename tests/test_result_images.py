@@ -14,7 +14,7 @@ import tomli_w
 from tracker.foundation.errors import ConfigError
 from tracker.results.result import load_result
 from tracker.running.jobs import described, execute, load_job
-from tracker.running.jobs._delivered import opened_even
+from tracker.running.jobs._delivery import opened_even
 from tracker.running.viewing.images import images_of
 from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 

@@ -32,8 +32,7 @@ from rig_samples import (
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from tracker.cameras.camera import Camera
-from tracker.cameras.fisheye import rational_of
+from tracker.cameras.camera import Camera, rational_of
 from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import load_rig, read_rig, save_rig
 from tracker.foundation.configuration.components import available, find

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tracker.foundation.geometry.motions import rigid_motion
+from tracker.foundation.geometry import rigid_motion
 
 
 def motion_of(seed: int) -> np.ndarray:

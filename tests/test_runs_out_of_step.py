@@ -12,7 +12,7 @@ from test_run import killed_after
 from typer.testing import CliRunner
 
 from tracker.acquisition.calibrated_views import ViewSettings
-from tracker.acquisition.fit_task import FitSettings
+from tracker.acquisition.fitting import FitSettings
 from tracker.cameras.rig_layouts import load_rig
 from tracker.results.result import load_result
 from tracker.running.cli import app

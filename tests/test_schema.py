@@ -16,7 +16,7 @@ from tracker.foundation.configuration.components import available, find
 from tracker.foundation.configuration.tables import describe
 from tracker.results.recording import DEFAULTS
 from tracker.running.cli import app
-from tracker.running.commands.show import FILES, _schema
+from tracker.running.commands.configuration import FILES, _schema
 from tracker.running.jobs import described, job_from
 
 ROOT = Path(__file__).parents[1]

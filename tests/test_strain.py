@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from tracker.cameras.rig_layouts import load_rig, save_rig
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import SequenceError, TrackerError
-from tracker.points.strain.strains import gauges_of, near, smoothed, spacing_m, strains_of
+from tracker.points.strain import gauges_of, near, smoothed, spacing_m, strains_of
 from tracker.results.result import load_result
 from tracker.results.skin_slides import on_bones, slides
 from tracker.running.cli import app

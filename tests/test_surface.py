@@ -25,9 +25,15 @@ from tracker.points.following.births import given_points
 from tracker.points.surfaces.growth import Growth
 from tracker.points.surfaces.points import NeighbourhoodFilter, voxel_filtered
 from tracker.points.surfaces.seeds import Seeds
-from tracker.points.surfaces.surface import SurfaceMeasurement, measure_surface, residual_rms_px
+from tracker.points.surfaces.surface import (
+    Preparation,
+    SurfaceMeasurement,
+    blur_px,
+    field_camera,
+    measure_surface,
+    residual_rms_px,
+)
 from tracker.points.surfaces.surface_files import write_csv
-from tracker.points.surfaces.views import Preparation, blur_px, field_camera
 from tracker.running.cli import app
 from tracker.running.jobs import described, load_job
 

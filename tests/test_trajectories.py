@@ -11,13 +11,13 @@ from scipy.spatial.transform import Rotation
 from tracker.cameras.camera import Camera
 from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
+from tracker.points.following.births import surroundings
 from tracker.points.following.filters import TrajectoryFilters, cut_where_false, no_cuts
 from tracker.points.following.following import Following
-from tracker.points.following.key_points import surroundings
 from tracker.points.following.record import motion_of, sighting_type, trajectories_of, windows
 from tracker.points.following.report import Course, points_picture, summarized
 from tracker.points.following.snakes import Snake
-from tracker.points.surfaces.views import Preparation
+from tracker.points.surfaces.surface import Preparation
 from tracker.points.trajectories import PointStatus
 from tracker.running.jobs._following import SecondLook, TrajectoryFiles
 

@@ -17,7 +17,7 @@ from marker_files import (
 )
 
 from tracker.foundation.errors import ConfigError, SequenceError
-from tracker.foundation.lengths import metres_in
+from tracker.foundation.source_files import metres_in
 from tracker.results.evaluation.marker_set import column
 from tracker.results.marker_layouts import read_markers
 

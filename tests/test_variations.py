@@ -10,7 +10,7 @@ import pytest
 from tests.recordings import small_simulation
 from tracker.acquisition._residuals import Lasting, Rows
 from tracker.acquisition.clouds import Look
-from tracker.acquisition.fit_task import FitSettings, Task, prior_of
+from tracker.acquisition.fitting import FitSettings, Task, prior_of
 from tracker.acquisition.shape_space import ShapePrior, space_of
 from tracker.acquisition.variations import Unsure, of_people, telling_bodies, variations_of
 from tracker.bodies.body.description import read_description, save_description

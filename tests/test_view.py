@@ -27,8 +27,8 @@ from tracker.foundation.errors import ConfigError
 from tracker.results.result import load_result
 from tracker.running.cli import app
 from tracker.running.jobs import execute, load_job
-from tracker.running.run import load_run
-from tracker.running.viewing.pictures import Pictures
+from tracker.running.programs import load_run
+from tracker.running.viewing.images import Pictures
 from tracker.running.viewing.stage import BLUE, ORANGE, RED, Stage, colours_of_doubt, serving
 from tracker.running.viewing.viewer import LiveRun, Viewer, _strip, view_result
 from tracker.synthesis.simulation.sequence import Recipe, write_sequence

@@ -9,7 +9,7 @@ import pytest
 from recordings import SMALL, TrueStart, cycle_for, small_simulation
 
 from tracker.acquisition.calibrated_views import ViewSettings
-from tracker.acquisition.fit_task import FitSettings
+from tracker.acquisition.fitting import FitSettings
 from tracker.acquisition.from_recording import fit_bodies, whose
 from tracker.acquisition.result import stature_of
 from tracker.acquisition.shape_space import ShapePrior, space_of

@@ -22,8 +22,8 @@ from tracker.kernels.contours import MOST_COLUMNS, MOST_ROWS
 from tracker.kernels.regions import Lines
 from tracker.synthesis import cpu
 from tracker.synthesis._pictures import distances_of, misfits_of, rasterized_ids
-from tracker.synthesis._pyrender import pinhole_of
 from tracker.synthesis.cpu import FINEST, CpuSynthesis
+from tracker.synthesis.osmesa import pinhole_of
 
 
 def ray_cast_silhouette(scene: Scene, camera: Camera) -> tuple[Mask, Mask]:

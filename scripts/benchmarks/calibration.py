@@ -15,7 +15,7 @@ from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.errors import CalibrationError
-from tracker.foundation.geometry.motions import rigid_motion
+from tracker.foundation.geometry import rigid_motion
 from tracker.synthesis.simulation.bars import SIZE, BarRecording, Faults, every, four_around, three_in_line, wave
 
 Arrangement = tuple[str, Callable[[np.random.Generator], Rig], float, float]

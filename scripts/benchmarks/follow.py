@@ -21,8 +21,7 @@ from tracker.points.following.births import chosen_evenly, points_of_image, poin
 from tracker.points.following.following import Following
 from tracker.points.following.sequence import follow
 from tracker.points.surfaces.growth import Growth
-from tracker.points.surfaces.surface import SurfaceMeasurement, measure_surface
-from tracker.points.surfaces.views import Preparation
+from tracker.points.surfaces.surface import Preparation, SurfaceMeasurement, measure_surface
 from tracker.points.trajectories import PointFrame, PointStatus
 
 

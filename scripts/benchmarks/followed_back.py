@@ -12,7 +12,7 @@ from benchmarks.moving_back import Back, Change, Start
 from tracker.foundation.arrays import Array, Mask
 from tracker.points.following.following import Following
 from tracker.points.following.sequence import follow
-from tracker.points.surfaces.views import Preparation
+from tracker.points.surfaces.surface import Preparation
 from tracker.points.trajectories import PointFrame
 
 # As issue and paper have: points on the shirt, and what counts as another material point.

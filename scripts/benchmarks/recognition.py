@@ -18,8 +18,7 @@ from tracker.foundation.arrays import Array32
 from tracker.results.evaluation.joints import read_joints
 from tracker.results.recognition.directions import JOINTS, RATE_HZ, Course, course, course_of
 from tracker.results.recognition.library import Library, load_library
-from tracker.results.recognition.matching import Recognized, recognize
-from tracker.results.recognition.timeline import timeline
+from tracker.results.recognition.matching import Recognized, recognize, timeline
 from tracker.results.result import load_result
 from tracker.running.jobs import execute, load_job
 

@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tracker.cameras.camera import Camera
-from tracker.cameras.fisheye import rational_of
+from tracker.cameras.camera import Camera, rational_of
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Image
 from tracker.foundation.errors import SequenceError

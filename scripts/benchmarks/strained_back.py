@@ -9,7 +9,7 @@ from benchmarks.followed_back import add_row, followed
 from benchmarks.moving_back import CENTRE, Back, Start
 from tracker.foundation.arrays import Array
 from tracker.points.following.following import Following
-from tracker.points.strain.strains import Strains, gauges_of, near, smoothed, spacing_m, strains_of
+from tracker.points.strain import Strains, gauges_of, near, smoothed, spacing_m, strains_of
 from tracker.points.trajectories import PointFrame
 from tracker.running.straining import DEPTH, GAUGE
 

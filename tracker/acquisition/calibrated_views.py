@@ -9,8 +9,7 @@ import numpy as np
 import pydantic
 
 from tracker.acquisition.clouds import Look
-from tracker.acquisition.fit_task import FitSettings, Task
-from tracker.acquisition.fitting import Fit, fit
+from tracker.acquisition.fitting import Fit, FitSettings, Task, fit
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Person, Scene

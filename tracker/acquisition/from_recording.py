@@ -24,7 +24,7 @@ from tracker.bodies.scene import Scene
 from tracker.bodies.subject import Carried, with_carried
 from tracker.cameras.frame import Frame
 from tracker.foundation.arrays import Array
-from tracker.foundation.freed_memory import give_back
+from tracker.foundation.resources import give_back
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.found_before import knowing, start_of

@@ -10,7 +10,7 @@ import numpy as np
 import pydantic
 
 from tracker.acquisition.clouds import Look, Mark
-from tracker.acquisition.fit_task import FitSettings, Task
+from tracker.acquisition.fitting import FitSettings, Task
 from tracker.acquisition.pictures import Silhouette, best_pose, placed
 from tracker.acquisition.shape_space import ShapePrior, ShapeSpace
 from tracker.bodies.body import BodyModel

@@ -7,7 +7,7 @@ from scipy.special import ndtri
 
 from tracker.bodies.body import BodyModel
 from tracker.foundation.arrays import Array, Integers, Mask
-from tracker.foundation.geometry.halton import halton
+from tracker.foundation.geometry import halton
 
 # A bound of the Gauss-Newton steps.
 _STEPS = 12

@@ -19,11 +19,10 @@ from tracker.foundation.files import whole_folder
 from tracker.foundation.progress import Progress, silent
 from tracker.results.ball_joints import ball_joints, with_angles, with_vectors
 from tracker.results.exports import check_place, write_pictures, write_result
-from tracker.results.person_track import Track
 from tracker.results.recording import Recording
 from tracker.results.recording.csv_table import parameter_columns
 from tracker.results.recording.overlay import Overlay
-from tracker.results.result import Result
+from tracker.results.result import Result, Track
 from tracker.results.smoothing import Smoothed, Smoothing, Stretch, stretches_of
 from tracker.tracking.doubt import Doubt
 from tracker.tracking.estimate import Estimate, Status

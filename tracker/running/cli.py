@@ -2,34 +2,124 @@
 
 from __future__ import annotations
 
+import ast
+import dataclasses
 import os
+import pkgutil
 import signal
 import sys
 import threading
+from collections.abc import Callable
 from importlib.metadata import version
+from pathlib import Path
 from types import FrameType
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from typer.core import TyperGroup
 
 from tracker.foundation.configuration.components import ask_before_plugins
 from tracker.foundation.errors import ConfigError, TrackerError, os_fault
 from tracker.running.commands.acquire import acquire
 from tracker.running.commands.calibrate import calibrate_app
+from tracker.running.commands.configuration import init, show
 from tracker.running.commands.detect import detect
-from tracker.running.commands.earlier_names import Commands
-from tracker.running.commands.init import init
-from tracker.running.commands.job import add_jobs
 from tracker.running.commands.result import result_app
 from tracker.running.commands.rig import rig_app
 from tracker.running.commands.run import demo, run
-from tracker.running.commands.show import show
 from tracker.running.commands.simulate import simulate
-from tracker.running.commands.strain import strain
-from tracker.running.commands.surface import measure
-from tracker.running.commands.terminal import console, print_any_sign, print_error, quiet_libraries
+from tracker.running.commands.surface import measure, strain
+from tracker.running.commands.terminal import (
+    Config,
+    Frames,
+    Output,
+    Overrides,
+    console,
+    done,
+    marked,
+    print_any_sign,
+    print_error,
+    quiet_libraries,
+    with_range,
+)
 from tracker.running.commands.view import view
+
+_ANEW = "--overwrite"
+"""What the earlier spelling of a report's command did unasked."""
+
+EARLIER: dict[str, tuple[str, ...]] = {
+    "batch": ("run", "--batch"),
+    "evaluate": ("result", "evaluate", _ANEW),
+    "smooth": ("result", "smooth"),
+    "align": ("result", "align"),
+    "export": ("result", "export", _ANEW, "--in-result"),
+    "compare": ("result", "compare", _ANEW),
+    "recognize": ("result", "recognize", _ANEW),
+    "segment": ("result", "segment", _ANEW),
+}
+"""Earlier name -> the words that do the same now."""
+
+
+class Commands(TyperGroup):
+    """The commands, and those that were called otherwise."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Finds the command that the words name."""
+        if (now := EARLIER.get(args[0])) is not None:
+            if not ctx.resilient_parsing:  # as the shell completes
+                _tell(args[0], " ".join(word for word in now if word not in (_ANEW, "--in-result")))
+            args = [*now, *args[1:]]
+        return super().resolve_command(ctx, args)
+
+
+def _tell(before: str, now: str) -> None:
+    told = f"`bodytrack {before}` is called `bodytrack {now}` now"
+    Console(stderr=True).print(marked("look", told), highlight=False, soft_wrap=True)
+
+
+_JOBS = Path(__file__).parents[1] / "jobs"
+_WITH_A_COMMAND = {"track": "run", "calibrate": "calibrate", "acquire": "acquire", "surface": "surface", "demo": "demo"}
+"""Jobs whose command has options or a report of its own, and what it is called."""
+
+_PART_OF_ANOTHER = {"acquire_from_pictures", "acquire_from_points", "acquire_from_robot", "acquire_from_scan"}
+"""Jobs that another one's command chooses."""
+
+
+def add_jobs(app: typer.Typer) -> None:
+    """Adds `bodytrack NAME config.toml` for each job without a command of its own."""
+    names = [module.name for module in pkgutil.iter_modules([str(_JOBS)]) if not module.name.startswith("_")]
+    for name in sorted({*names} - {*_WITH_A_COMMAND} - _PART_OF_ANOTHER):
+        # the source is read, not imported: what computes takes long to load
+        source = (_JOBS / f"{name}.py").read_text(encoding="utf-8")
+        app.command(name.replace("_", "-"), help=ast.get_docstring(ast.parse(source)))(_command(name))
+
+
+def _command(use: str) -> Callable[..., None]:
+    def command(
+        config: Config,
+        output: Output = None,
+        set_: Overrides = None,
+        frames: Frames = None,
+        resume: bool = typer.Option(False, help="Continue an interrupted one in --output, or the latest one."),
+    ) -> None:
+        from tracker.running.jobs import load_job
+
+        outcome = done(load_job(use, config, with_range(set_, frames)), output, resume)
+        for field in dataclasses.fields(outcome):
+            value = getattr(outcome, field.name)
+            if isinstance(value, (str, int, float, Path)):
+                shown = f"{value:.4g}" if isinstance(value, float) else value
+                console.print(
+                    f"{field.name.removeprefix('n_').replace('_', ' ')}: {shown}", highlight=False, soft_wrap=True
+                )
+        for warning in getattr(outcome, "warnings", ()):
+            console.print(marked("warning", warning), soft_wrap=True, highlight=False)
+        if getattr(outcome, "interrupted", False):
+            raise typer.Exit(130)
+
+    return command
+
 
 app = typer.Typer(
     cls=Commands,

@@ -17,8 +17,19 @@ from tracker.foundation.files import GrowingFile, csv_lines, replacing, write_wh
 from tracker.foundation.progress import Progress, silent
 from tracker.foundation.source_files import json_of
 from tracker.points.following.tables import PointTable, read_trajectories
-from tracker.points.strain.strain_files import COLUMNS, StrainFrame, strain_figure, strain_lines
-from tracker.points.strain.strains import Gauges, Near, gauges_of, near, smoothed, spacing_m, strains_of
+from tracker.points.strain import (
+    COLUMNS,
+    Gauges,
+    Near,
+    StrainFrame,
+    gauges_of,
+    near,
+    smoothed,
+    spacing_m,
+    strain_figure,
+    strain_lines,
+    strains_of,
+)
 from tracker.results.result import Result
 from tracker.results.skin_slides import Slide, on_bones, slides
 from tracker.running.jobs import CONFIG, load_job

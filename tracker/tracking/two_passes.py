@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
-from tracker.foundation.freed_memory import give_back
+from tracker.foundation.resources import give_back
 from tracker.tracking.coming_in import before_all, steps_of
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.rehearsal import Reopen

@@ -27,8 +27,7 @@ from tracker.cameras.calibration._boards import (
 )
 from tracker.cameras.calibration._bundle import Observations, State
 from tracker.cameras.calibration._objects import Boards, camera_of, nominal_state, pinhole_of, state_of
-from tracker.cameras.camera import Camera
-from tracker.cameras.fisheye import rational_of
+from tracker.cameras.camera import Camera, rational_of
 from tracker.foundation.arrays import Array, Image, Integers
 from tracker.foundation.errors import CalibrationError
 from tracker.kernels.rows import BundleCameraRow

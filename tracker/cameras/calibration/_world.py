@@ -15,9 +15,8 @@ from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Image, Integers
 from tracker.foundation.configuration.components import FilePath, PathPattern, component
 from tracker.foundation.errors import CalibrationError
-from tracker.foundation.geometry.motions import rigid_motion
-from tracker.foundation.lengths import METRES_PER_UNIT
-from tracker.foundation.source_files import number_in, rows_of
+from tracker.foundation.geometry import rigid_motion
+from tracker.foundation.source_files import METRES_PER_UNIT, number_in, rows_of
 
 _UNITS = {"mm": "mm", "cm": "cm", "in": "inches"}
 """Units in which people measure boards and bars, and how they call them."""

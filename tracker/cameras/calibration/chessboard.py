@@ -16,7 +16,7 @@ from tracker.cameras.calibration._objects import Boards
 from tracker.cameras.calibration._report import advice
 from tracker.cameras.calibration._self_calibration import chosen_unknowns, self_calibrated
 from tracker.cameras.calibration._world import WorldFrame, square_fault
-from tracker.cameras.fisheye import told_end
+from tracker.cameras.camera import told_end
 from tracker.cameras.frame import Views
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Image

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Protocol
 
-from tracker.cameras.camera import Camera
-from tracker.cameras.fisheye import told_end
+from tracker.cameras.camera import Camera, told_end
 from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts._plausible import FARTHEST_M as FARTHEST_M
 from tracker.cameras.rig_layouts._plausible import (

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tracker.cameras.camera import Camera, upper_triangular
-from tracker.cameras.fisheye import rational_of
+from tracker.cameras.camera import Camera, rational_of, upper_triangular
 from tracker.cameras.rig_layouts import Listing
 from tracker.cameras.rig_layouts._sources import lenient_text, written_in
 from tracker.foundation.arrays import Array

@@ -16,7 +16,7 @@ from tracker.cameras.lens import Lens
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import CalibrationError, nearest
-from tracker.foundation.lengths import METRES_PER_UNIT, unit_sign
+from tracker.foundation.source_files import METRES_PER_UNIT, unit_sign
 
 _GUESSED = {"m": "metres", "cm": "centimetres", "mm": "millimetres"}
 """Units that a file without a word for them may be in."""
@@ -51,7 +51,7 @@ def in_metres(cameras: Sequence[Camera], unit: str, scale: float = 1.0) -> tuple
 
     Args:
         cameras: their places in a unit.
-        unit: sign of it, see `tracker.foundation.lengths`.
+        unit: sign of it, see `tracker.foundation.source_files`.
         scale: by which lengths are multiplied besides.
 
     Raises:

@@ -22,7 +22,7 @@ from tracker.points.following.births import Density
 from tracker.points.following.following import Following
 from tracker.points.following.points import NewPoints, Points, restored
 from tracker.points.following.sightings import Prepared, Sightings, accept_followed, look_where_projected
-from tracker.points.surfaces.views import Preparation, field_camera
+from tracker.points.surfaces.surface import Preparation, field_camera
 from tracker.points.trajectories import PointFrame
 
 

@@ -21,7 +21,7 @@ from tracker.foundation.errors import shortened
 from tracker.foundation.files import csv_lines, replacing, write_json, write_whole
 from tracker.foundation.pages import filled
 from tracker.results.evaluation.joints import TrackedJoints, tracked_joints
-from tracker.results.evaluation.marker_alignment import Alignment, align
+from tracker.results.evaluation.marker_fit import Alignment, align
 from tracker.results.evaluation.marker_set import MarkerSet, check_marker_set, joints_of, load_marker_set
 from tracker.results.evaluation.time_correlation import Clocked, flexions
 from tracker.results.marker_layouts import read_markers

@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from tracker.foundation.errors import SequenceError, os_fault
-from tracker.results.marker_layouts._units import check_size
 from tracker.results.marker_layouts.c3d import is_c3d, read_c3d
 from tracker.results.marker_layouts.trc import read_trc
-from tracker.results.markers import Markers
+from tracker.results.markers import Markers, check_size
 
 _HEAD_BYTES = 2000
 """In which a file says what it is; OpenSim's tables end their header there."""

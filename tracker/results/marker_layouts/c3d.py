@@ -9,7 +9,7 @@ import numpy as np
 
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import SequenceError, shortened
-from tracker.foundation.lengths import metres_in
+from tracker.foundation.source_files import metres_in
 from tracker.results.marker_layouts._c3d_file import (
     C3dFile,
     first_frame,
@@ -19,8 +19,7 @@ from tracker.results.marker_layouts._c3d_file import (
     origins_of,
     points_of,
 )
-from tracker.results.marker_layouts._units import metres_per_unit
-from tracker.results.markers import Markers, without_gaps
+from tracker.results.markers import Markers, metres_per_unit, without_gaps
 
 __all__ = ["is_c3d", "read_c3d"]
 

@@ -11,10 +11,8 @@ import numpy as np
 
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import SequenceError, shortened
-from tracker.foundation.lengths import metres_in
-from tracker.foundation.source_files import content_of, is_gap
-from tracker.results.marker_layouts._units import metres_per_unit
-from tracker.results.markers import Markers, without_gaps
+from tracker.foundation.source_files import content_of, is_gap, metres_in
+from tracker.results.markers import Markers, metres_per_unit, without_gaps
 
 # Lines of the format: kind, keys, their values, names of the markers, axes; the table begins after them.
 _KEYS, _VALUES, _NAMES, _AXES, _TABLE = 1, 2, 3, 4, 5

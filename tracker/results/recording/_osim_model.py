@@ -14,8 +14,7 @@ from tracker.bodies.segments import Landmark
 from tracker.foundation.configuration.components import RelativePath
 from tracker.foundation.errors import ConfigError, ModelError, nearest
 from tracker.foundation.source_files import xml_of
-from tracker.results.recording._motion import exported_name, markers_of
-from tracker.results.recording._text_files import Node, write_xml
+from tracker.results.recording._motion import Node, exported_name, markers_of, write_xml
 
 FILES = {
     "laiuhlrich": ("LaiUhlrich2022.osim", "RajagopalLaiUhlrich2023.osim"),

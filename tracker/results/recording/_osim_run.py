@@ -17,9 +17,8 @@ from tracker.foundation.errors import ConfigError
 from tracker.foundation.files import write_json
 from tracker.foundation.source_files import one_line, text_of
 from tracker.results.recording._anatomical import joints_of
-from tracker.results.recording._motion import Motion
+from tracker.results.recording._motion import Motion, Node, child, write_xml
 from tracker.results.recording._osim_model import OsimMarker, OsimModel
-from tracker.results.recording._text_files import Node, child, write_xml
 
 log = logging.getLogger("tracker")
 

@@ -18,7 +18,7 @@ from tracker.foundation.errors import ConfigError, ModelError, nearest
 from tracker.foundation.files import write_whole
 from tracker.results.recording import RunContext
 from tracker.results.recording._anatomical import leaning_limb
-from tracker.results.recording._motion import Y_UP, Motion, Motions, exported_name
+from tracker.results.recording._motion import Y_UP, Motion, Motions, exported_name, trc_text
 from tracker.results.recording._osim_model import OsimMarker, OsimModel, OsimName, markers_on, read_osim, write_turning
 from tracker.results.recording._osim_run import (
     opensim_installed,
@@ -28,7 +28,6 @@ from tracker.results.recording._osim_run import (
     write_outcome,
     write_scaling,
 )
-from tracker.results.recording._text_files import trc_text
 from tracker.tracking.trajectory import Step
 
 log = logging.getLogger("tracker")

@@ -13,8 +13,17 @@ from tracker.bodies.segments import Part, Segment
 from tracker.foundation.arrays import Array
 from tracker.foundation.configuration.components import component
 from tracker.results.recording import RunContext
-from tracker.results.recording._motion import Y_UP, Motion, MotionRecorder, euler_angles, exported_name, markers_of
-from tracker.results.recording._text_files import Node, child, write_xml
+from tracker.results.recording._motion import (
+    Y_UP,
+    Motion,
+    MotionRecorder,
+    Node,
+    child,
+    euler_angles,
+    exported_name,
+    markers_of,
+    write_xml,
+)
 
 _DENSITY_KG_M3 = 1000.0
 """Of the body, about that of water (Dempster 1955: 990 to 1160 for human segments)."""

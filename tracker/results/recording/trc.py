@@ -9,8 +9,7 @@ import numpy as np
 from tracker.foundation.configuration.components import component
 from tracker.foundation.files import write_whole
 from tracker.results.recording import RunContext
-from tracker.results.recording._motion import Y_UP, Motion, MotionRecorder, exported_name, markers_of
-from tracker.results.recording._text_files import trc_text
+from tracker.results.recording._motion import Y_UP, Motion, MotionRecorder, exported_name, markers_of, trc_text
 
 
 @component

@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from tracker.running.commands.options import Output, Overrides, Overwrite, done
-from tracker.running.commands.terminal import ProgressBar, console
+from tracker.running.commands.terminal import Output, Overrides, Overwrite, ProgressBar, console, done
 
 SquareM = Annotated[float | None, typer.Option("--square", min=0.001, max=1.0, help="Side of a square, metres.")]
 
@@ -21,7 +20,7 @@ def calibrate_init(
     """Finds the board in recordings (size, dictionary, inverted, legacy, both sides), and writes calibration.toml."""
     from tracker.foundation.configuration.schema import schema_of_job
     from tracker.foundation.files import write_json, write_whole
-    from tracker.running.commands.init import check_new_configuration
+    from tracker.running.commands.configuration import check_new_configuration
     from tracker.running.drafts.calibration import draft_calibration
 
     schema = check_new_configuration(output)

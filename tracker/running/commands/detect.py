@@ -8,8 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tracker.running.commands.options import Frames, Overrides, with_range
-from tracker.running.commands.terminal import ProgressBar, console
+from tracker.running.commands.terminal import Frames, Overrides, ProgressBar, console, with_range
 
 
 def detect(

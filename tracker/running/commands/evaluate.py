@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
+from rich.table import Column, Table
 
-from tracker.running.commands.options import Overwrite
-from tracker.running.commands.terminal import console
+from tracker.foundation.errors import ConfigError
+from tracker.running.commands.terminal import Overwrite, console
 
 if TYPE_CHECKING:
     from tracker.results.evaluation.comparison import Evaluation
     from tracker.results.evaluation.person_errors import PersonErrors
+    from tracker.results.recognition.matching import Stretch
+    from tracker.results.result import Track
 
 
 def evaluate(
@@ -147,3 +150,144 @@ def _tell_incomplete(person: PersonErrors) -> None:
     for what, names in told:
         if names:
             console.print(f"{person.person}: {what}{', '.join(names)}", highlight=False, soft_wrap=True)
+
+
+BUNDLED = "bundled"
+"""The library that comes with the package, where a folder is expected."""
+
+_COLUMNS = ("from s", "to s", "angle deg", "misfit", "size", "tempo", "next best", "its angle")
+
+
+def recognize(
+    result: Annotated[Path, typer.Argument(help="Result folder of a run.")],
+    name: Annotated[str | None, typer.Argument(help="With --add: name of the movement.", show_default=False)] = None,
+    library: Annotated[
+        list[str] | None, typer.Option(help="Folder of known movements; repeatable. Default: bundled.")
+    ] = None,
+    output: Annotated[Path | None, typer.Option(help="Folder to write to; default: the result folder.")] = None,
+    overwrite: Overwrite = False,
+    add: Annotated[bool, typer.Option("--add", help="Add the result to --library as the movement NAME.")] = False,
+    frames: Annotated[str | None, typer.Option(help="With --add: range A:B of its frames.")] = None,
+    person: Annotated[str | None, typer.Option(help="With --add: which person; default: the only one.")] = None,
+    performance: Annotated[str | None, typer.Option(help="With --add: its name; default: run and person.")] = None,
+    repeats: Annotated[
+        bool, typer.Option("--repeats/--no-repeats", help="With --add: it goes round, as walking does.")
+    ] = False,
+    about: Annotated[str, typer.Option(help="With --add: what the movement is, in a sentence.")] = "",
+) -> None:
+    """Finds known movements in a result, by dynamic time warping of its joint angles; or adds one to a library."""
+    if add:
+        _add(result, name, (library, frames, person, performance), (repeats, about))
+        return
+    given = {"NAME": name, "--frames": frames, "--person": person, "--performance": performance, "--about": about}
+    for option, value in given.items():
+        if value:
+            raise ConfigError(f"{option} {value}: only with --add; or bodytrack result recognize {result} --add NAME")
+    from tracker.foundation.files import check_free, csv_lines, replacing, write_whole
+    from tracker.results.recognition.directions import course_of
+    from tracker.results.recognition.library import load_library
+    from tracker.results.recognition.matching import recognize as recognized
+    from tracker.results.recognition.matching import strip, table_rows, timeline
+    from tracker.results.result import load_result
+
+    folder = output or result
+    check_free((folder / name for name in ("movements.csv", "movements.png")), overwrite)
+    known = load_library(_folders(library))
+    loaded = load_result(result)
+    courses = {track.name: course_of(track.body, track.times_s, track.poses) for track in loaded.persons}
+    persons = {who: timeline(course, recognized(course, known)) for who, course in courses.items()}
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(folder / "movements.csv", csv_lines(table_rows(persons)))
+    with replacing(folder / "movements.png") as picture:
+        strip(loaded.name, persons).savefig(picture, dpi=110)
+    _print(persons, len(known.movements))
+    console.print(f"written: {folder / 'movements.csv'}, movements.png", highlight=False, soft_wrap=True)
+
+
+def _folders(library: list[str] | None) -> tuple[Path, ...]:
+    from tracker.results.recognition.library import bundled_library
+
+    return tuple(bundled_library() if name == BUNDLED else Path(name) for name in library or ())
+
+
+def _print(persons: dict[str, tuple[Stretch, ...]], n_known: int) -> None:
+    for person, stretches in persons.items():
+        found = [one.recognized for one in stretches if one.recognized is not None]
+        seconds = sum(one.seconds for one in stretches if one.what == "unknown")
+        if stretches and all(one.what == "lost" for one in stretches):
+            console.print(f"{person}: lost all along", highlight=False)
+            continue
+        if not found:
+            console.print(f"{person}: nothing known: none of {n_known} movements fits", highlight=False)
+            continue
+        table = Table(Column("movement", no_wrap=True), *_COLUMNS, title=person)
+        for one in found:
+            what = f"{one.movement} (mirrored)" if one.mirrored else one.movement
+            second = (one.second, f"{one.second_deg:.1f}") if one.second else ("none fits its length", "")
+            alike = f"{one.angle_deg:.1f}", f"{one.misfit:.2f}"
+            done = ("", "") if one.size != one.size else (f"{one.size:.2f}", f"{one.tempo:.2f}")
+            numbers = f"{one.start_s:.2f}", f"{one.end_s:.2f}", *alike, *done
+            table.add_row(what, *numbers, *second)
+        console.print(table)
+        if seconds > 0:
+            console.print(f"{person}: {seconds:.1f} s are like none of {n_known} known movements", highlight=False)
+    console.print(
+        "angle: of the limbs to the known movement, root mean square; misfit: that angle over the largest that counts; "
+        "size, tempo: how many times as far and as fast as the known one",
+        style="dim",
+    )
+
+
+def _add(
+    result: Path,
+    name: str | None,
+    chosen: tuple[list[str] | None, str | None, str | None, str | None],
+    told: tuple[bool, str],
+) -> None:
+    from tracker.results.recognition.directions import RATE_HZ, course_of
+    from tracker.results.recognition.library import Description, add_performance
+    from tracker.results.result import load_result
+
+    library, frames, person, performance = chosen
+    if not name:
+        raise ConfigError(f"--add: expected a name: bodytrack result recognize --add {result} NAME --library movements")
+    if not library or len(library) != 1 or library[0] == BUNDLED:
+        raise ConfigError("--add: expected one folder of your own: --library movements; it is made if there is none")
+    loaded = load_result(result)
+    track = _only(loaded.persons) if person is None else loaded.person(person)
+    first, behind = _range(frames, track)
+    course = course_of(track.body, track.times_s[first:behind], track.poses[first:behind])
+    key = performance or f"{loaded.name}_{track.name}"
+    path, kept = add_performance(Path(library[0]), name, key, course, Description(about=told[1], repeats=told[0]))
+    seconds = len(kept.known) / RATE_HZ
+    round_ = ", one round of it" if told[0] else ""
+    console.print(
+        f'"{name}" of {track.name}, {kept.start_s:.2f} to {kept.start_s + seconds:.2f} s{round_}: {path}',
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+def _only(persons: tuple[Track, ...]) -> Track:
+    if len(persons) > 1:
+        names = ", ".join(track.name for track in persons)
+        raise ConfigError(f"--add: {len(persons)} persons in the result: choose one with --person: {names}")
+    return persons[0]
+
+
+def _range(frames: str | None, track: Track) -> tuple[int, int]:
+    """Positions of the frames numbered A to B - 1."""
+    import numpy as np
+
+    match = re.fullmatch(r"(\d*):(\d*)", frames or ":")
+    if match is None:
+        raise ConfigError(f"--frames {frames}: expected A:B, for instance 0:100, 50: or :100")
+    numbers = track.frames
+    first = int(np.searchsorted(numbers, int(match[1]))) if match[1] else 0
+    behind = int(np.searchsorted(numbers, int(match[2]))) if match[2] else len(numbers)
+    if behind - first < 2:
+        told = "--add" if frames is None else f"--frames {frames}"
+        raise ConfigError(
+            f"{told}: the result has frames {numbers[0]} to {numbers[-1]}, and a movement takes two or more"
+        )
+    return first, behind

@@ -13,10 +13,10 @@ from tracker.foundation.errors import CalibrationError, ConfigError
 from tracker.running.commands.terminal import console, marked
 
 if TYPE_CHECKING:
-    from tracker.cameras.floor import Floor
     from tracker.cameras.rig import Rig
     from tracker.cameras.rig_layouts import RigFile
     from tracker.foundation.arrays import Image
+    from tracker.running.floors import Floor
 
 # Written out, for the folder's import takes longer than `--help` should; a test compares.
 LAYOUTS = "anipose, caliscope, easymocap, freemocap, json, middlebury, opencap, opencv, panoptic, pose2sim, "

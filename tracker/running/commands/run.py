@@ -14,8 +14,7 @@ from rich.table import Table
 from tracker.foundation.errors import ConfigError
 from tracker.foundation.progress import in_words
 from tracker.running.commands.evaluate import print_evaluation
-from tracker.running.commands.options import Frames, Overrides, done, with_range
-from tracker.running.commands.terminal import ProgressBar, console
+from tracker.running.commands.terminal import Frames, Overrides, ProgressBar, console, done, with_range
 
 if TYPE_CHECKING:
     from tracker.running.batching import Summary
@@ -149,7 +148,7 @@ def _end_with(outcome: TrackOutcome) -> None:
 
 
 def _print_forecast(job: TrackJob) -> None:
-    from tracker.running.run import forecast
+    from tracker.running.programs import forecast
 
     with ProgressBar() as progress:
         told = forecast(job, progress=progress)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tracker.running.commands.options import Overrides, Overwrite
-from tracker.running.commands.terminal import ProgressBar, console
+from tracker.running.commands.terminal import Overrides, Overwrite, ProgressBar, console
 
 if TYPE_CHECKING:
     from tracker.results.result import Result
@@ -55,8 +54,7 @@ def _placed(what: Path, overrides: list[str] | None, number: int, written: tuple
     """Poses in a frame of a configuration, or of a result, which has no overrides."""
     from tracker.foundation.files import check_free
     from tracker.results.exports import EXPORTS
-    from tracker.running.viewing.beginning import begun_in_result, begun_in_run
-    from tracker.running.viewing.placing import Placing
+    from tracker.running.viewing.hand_poses import Placing, begun_in_result, begun_in_run
     from tracker.running.viewing.stage import serving
 
     folder = what.parent if overrides is not None else what / EXPORTS
@@ -88,7 +86,7 @@ def _finished(result: Result, server: Any) -> None:
 
 def _live(config: Path, overrides: list[str], server: Any) -> None:
     from tracker.images.reading.live import counts_of
-    from tracker.running.run import load_run
+    from tracker.running.programs import load_run
     from tracker.running.viewing.viewer import LiveRun
 
     run = load_run(config, ["passes=1", *overrides])  # every frame at once

@@ -16,9 +16,7 @@ from tracker.cameras.rig import told_world, world_doubts
 from tracker.foundation.configuration.schema import SCHEMA
 from tracker.foundation.errors import CalibrationError, SequenceError
 from tracker.images.footage import Footage, header, pattern_of, sources
-from tracker.running.drafts.keypoints import found_keypoints
-from tracker.running.drafts.plates import found_plates
-from tracker.running.drafts.rig import FoundRig, found_rigs, given_rig
+from tracker.running.drafts.inputs import FoundRig, found_keypoints, found_plates, found_rigs, given_rig
 
 _PLAIN = "images", "frames", "pictures", "raw"
 

@@ -19,8 +19,12 @@ from tracker.foundation.files import replacing, write_whole
 from tracker.foundation.progress import Progress
 from tracker.images.film import write_picture
 from tracker.points.following.births import (
+    KEY_POINTS_HEADER,
+    Surroundings,
     check_room,
+    followed_key_points,
     given_points,
+    key_points_csv,
     no_points,
     points_of_image,
     points_of_surface,
@@ -29,7 +33,6 @@ from tracker.points.following.births import (
 )
 from tracker.points.following.filters import Cuts
 from tracker.points.following.following import Following
-from tracker.points.following.key_points import KEY_POINTS_HEADER, Surroundings, followed_key_points, key_points_csv
 from tracker.points.following.led_snakes import FollowedSnake, Seen, drawn, seen_in, sheet, sheet_frames, snakes_csv
 from tracker.points.following.points import NewPoints, Points
 from tracker.points.following.record import (
@@ -48,11 +51,10 @@ from tracker.points.following.sequence import Counts, SavedState, prepared, prep
 from tracker.points.following.snakes import Contour, Snake
 from tracker.points.following.tables import Names, csv_header, csv_lines, marker_labels, ply_bytes, trc_text, write_c3d
 from tracker.points.surfaces.points import one_a_voxel
-from tracker.points.surfaces.surface import Surface, SurfaceMeasurement, measure_surface
-from tracker.points.surfaces.views import Preparation
+from tracker.points.surfaces.surface import Preparation, Surface, SurfaceMeasurement, measure_surface
 from tracker.points.trajectories import PointFrame
 from tracker.running.jobs import ResultFolder
-from tracker.running.jobs._stopping import stopping
+from tracker.running.jobs._folder import stopping
 
 Places = tuple[tuple[float, float], ...] | dict[str, tuple[float, float]]
 

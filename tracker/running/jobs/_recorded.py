@@ -27,7 +27,7 @@ from tracker.results.result import load_result
 from tracker.results.smoothed_result import FOLDER, Pictures, write_smoothed
 from tracker.results.smoothing import Smoothing
 from tracker.running.jobs import ResultFolder
-from tracker.running.jobs._stopping import Stop, stopping
+from tracker.running.jobs._folder import Stop, stopping
 from tracker.tracking.doubts import Doubts
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.trajectory import Step

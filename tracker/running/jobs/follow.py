@@ -21,10 +21,9 @@ from tracker.foundation.errors import ConfigError, nearest
 from tracker.foundation.files import replacing, write_json, write_whole
 from tracker.foundation.progress import Progress, silent
 from tracker.images.reading import Reading, Sequence
-from tracker.points.following.births import Density
+from tracker.points.following.births import Density, clicked_places, surroundings
 from tracker.points.following.filters import TrajectoryFilters, cut_where_false, no_cuts
 from tracker.points.following.following import Following
-from tracker.points.following.key_points import clicked_places, surroundings
 from tracker.points.following.points import NewPoints, Points
 from tracker.points.following.record import read
 from tracker.points.following.report import Course, Summary, counts_figure, report_html, summarized, trajectories_figure

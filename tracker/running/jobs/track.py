@@ -31,10 +31,21 @@ from tracker.results.recording.journal import Expected, OpenJournal, as_kept, op
 from tracker.results.smoothed_result import Pictures
 from tracker.results.smoothing import Smoothing
 from tracker.running.jobs import ResultFolder
-from tracker.running.jobs._delivered import delivered, opened_even, sized
-from tracker.running.jobs._in_step import MOST_ROUNDS, corrected_before, in_step, told_of_delays, untold
-from tracker.running.jobs._keypoint_share import KeypointShare
-from tracker.running.jobs._live import counts_of, is_live, patiently, settings_missing
+from tracker.running.jobs._delivery import (
+    MOST_ROUNDS,
+    corrected_before,
+    counts_of,
+    delivered,
+    in_step,
+    is_live,
+    opened_even,
+    patiently,
+    settings_missing,
+    sized,
+    told_of_delays,
+    untold,
+)
+from tracker.running.jobs._folder import Stop
 from tracker.running.jobs._persons import (
     OpenedTrack,
     beside,
@@ -45,9 +56,9 @@ from tracker.running.jobs._persons import (
     with_fitted_bodies,
 )
 from tracker.running.jobs._recorded import TrackOutcome, Tracks, check_smoothing, recorded, smoothed, told_of_known
-from tracker.running.jobs._stopping import Stop
 from tracker.running.jobs._told import (
     Findings,
+    KeypointShare,
     first_sought,
     looked_at,
     run_context,

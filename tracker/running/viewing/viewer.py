@@ -16,9 +16,8 @@ from tracker.foundation.errors import TrackerError
 from tracker.foundation.progress import Progress
 from tracker.images.reading.live import counts_of
 from tracker.results.result import Result
-from tracker.running.run import Run
-from tracker.running.viewing.images import images_of
-from tracker.running.viewing.pictures import Pictures
+from tracker.running.programs import Run
+from tracker.running.viewing.images import Pictures, images_of
 from tracker.running.viewing.stage import BLUE, ORANGE, PALE, RED, Stage
 from tracker.tracking.doubt import in_words
 from tracker.tracking.doubts import Judged, worst_first

@@ -10,7 +10,7 @@ from tracker.bodies.body import BodyModel
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.foundation.arrays import Array
-from tracker.foundation.geometry.halton import halton
+from tracker.foundation.geometry import halton
 from tracker.foundation.progress import Tally
 from tracker.tracking.estimation.best_first import BestFirstEstimation
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation

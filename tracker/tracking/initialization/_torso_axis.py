@@ -10,7 +10,7 @@ import numpy as np
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.errors import InitializationError
-from tracker.foundation.geometry.motions import line_from_planes, nearest_along_line
+from tracker.foundation.geometry import line_from_planes, nearest_along_line
 from tracker.images.operations.masks import PrincipalAxis, iterated_axes, region_points
 
 # Bins of the head histogram, metres, and how far from the axis its points may lie: half a shoulder width.

@@ -7,7 +7,7 @@ import numpy as np
 from tracker.bodies.body import BodyModel
 from tracker.bodies.limbs import apart_m, are_apart
 from tracker.foundation.arrays import Array, Integers, Mask
-from tracker.foundation.geometry.halton import halton
+from tracker.foundation.geometry import halton
 from tracker.tracking.objective import Objective
 from tracker.tracking.proposals import promising
 

@@ -1,1 +1,0 @@
-"""What is read in the images of the cameras, for `imaging` and `analysis`."""
