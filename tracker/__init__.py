@@ -12,13 +12,13 @@ __version__ = "0.1.0"
 
 _OFFERED = {
     "Result": "results.result",
-    "Run": "running.run",
-    "Track": "results.person_track",
+    "Run": "running.programs",
+    "Track": "results.result",
     "TrackerError": "foundation.errors",
     "evaluate": "running.programs",
     "export": "running.programs",
     "load_result": "results.result",
-    "load_run": "running.run",
+    "load_run": "running.programs",
     "simulate": "running.programs",
     "smooth": "running.programs",
 }

@@ -15,7 +15,7 @@ from tracker.foundation.arrays import Array, Mask
 
 FARTHEST_DEG = 75.0
 """From the axis of a wide lens, whose radial distortion is a quotient of polynomials: there it ends. It was fitted to
-directions up to there (`cameras.fisheye`), for the plane z = 1 has no room for 90 degrees; beyond it is anything."""
+directions up to there (`camera.rational_of`), for the plane z = 1 has no room for 90 degrees; beyond it is anything."""
 
 _MOST_STEPS = 20
 """Of `undistort`: each doubles the digits, but for directions next to where the distortion turns back."""
