@@ -127,8 +127,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Model-based, marker-less motion capture from calibrated views.",
 )
-for _command in (demo, init, detect, run, view, show, acquire, simulate, strain):
-    app.command()(_command)
+for _offered in (demo, init, detect, run, view, show, acquire, simulate, strain):
+    app.command()(_offered)
 app.command("surface")(measure)
 app.add_typer(calibrate_app, name="calibrate")
 app.add_typer(rig_app, name="rig")

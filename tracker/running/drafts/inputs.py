@@ -30,7 +30,7 @@ _KEYPOINT_WORDS = (*KEYPOINT_WORDS, "pose")
 """Pose2Sim's folder is called `pose`."""
 
 _MOST_FILES = 400
-"""Of a folder that are looked at: a folder of keypoints has one a view."""
+"""Of a folder that are looked at: a folder of keypoints or plates has one a view, or some."""
 
 
 def found_keypoints(folder: Path, footage: Sequence[Footage]) -> list[Path]:
@@ -71,9 +71,6 @@ def _some(folder: Path) -> list[Path]:
         return sorted(listed(folder))[:_MOST_FILES]
     except SequenceError:
         return []
-
-
-"""Of a folder that are looked at: a folder of plates has one a view, or some."""
 
 
 @dataclass(frozen=True)
