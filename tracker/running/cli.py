@@ -78,7 +78,7 @@ def _tell(before: str, now: str) -> None:
     Console(stderr=True).print(marked("look", told), highlight=False, soft_wrap=True)
 
 
-_JOBS = Path(__file__).parents[1] / "jobs"
+_JOBS = Path(__file__).parent / "jobs"
 _WITH_A_COMMAND = {"track": "run", "calibrate": "calibrate", "acquire": "acquire", "surface": "surface", "demo": "demo"}
 """Jobs whose command has options or a report of its own, and what it is called."""
 
