@@ -88,7 +88,7 @@ Sums anchor_equations(Array<const double, 3> placements, const Carried &carried,
         const Point point = placed(placements[carried.parts[n]].data, carried, n);
         const double *row = found[n].data;
         const auto add = [&](double residual, const double *gradient) {
-            sums_of[end].add(point, {gradient[0], gradient[1], gradient[2]}, residual, weight);
+            sums_of[end].add(point, {gradient[0], gradient[1], gradient[2]}, weight * residual, weight);
             sums.squares += weight * residual * residual;
             sums.total += weight;
         };

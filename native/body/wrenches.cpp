@@ -4,13 +4,14 @@
 
 namespace bodytrack::body {
 
-void End::add(const Point &point, const Point &gradient, double residual, double weight) {
+void End::add(const Point &point, const Point &gradient, double pull, double weight) {
     const auto &[x, y, z] = point;
     const auto &[gx, gy, gz] = gradient;
     const double wrench[6] = {gx, gy, gz, y * gz - z * gy, z * gx - x * gz, x * gy - y * gx};
     for (int i = 0; i < 6; i++) {
-        pulls[i] += weight * residual * wrench[i];
-        for (int j = 0; j <= i; j++) wrenches[i][j] += weight * wrench[i] * wrench[j];
+        pulls[i] += pull * wrench[i];
+        const double weighted = weight * wrench[i];
+        for (int j = 0; j <= i; j++) wrenches[i][j] += weighted * wrench[j];
     }
     used = true;
 }

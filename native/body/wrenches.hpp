@@ -18,9 +18,9 @@ struct End {
     double pulls[6] = {};
     bool used = false;
 
-    // Adds one residual (px) of a weight: X in the world, metres; g, the derivative of the residual by the point, px per
-    // metre.
-    void add(const Point &point, const Point &gradient, double residual, double weight);
+    // Adds residuals of a point X in the world, metres: the sum of their weights, and of weights times residuals (px); g is
+    // the derivative of each of them by the point, px per metre.
+    void add(const Point &point, const Point &gradient, double pull, double weight);
 };
 
 // The normal equations of the parameters that move some ends (dof): J^T W J (dof, dof) and J^T W r (dof,). twists (dof, 6)

@@ -19,7 +19,7 @@ Sums shift_equations(Array<const float, 3> shifts, const Samples &samples, const
             const auto &[x, y, z] = at.point;
             const Along along = project_along(cameras[v].data, x, y, z, at.nu, at.nv);
             const double residual = -double(shift[0]);
-            ends[end].add({x, y, z}, {along.x, along.y, along.z}, residual, weight);
+            ends[end].add({x, y, z}, {along.x, along.y, along.z}, weight * residual, weight);
             sums.squares += weight * residual * residual;
             sums.total += weight;
         }

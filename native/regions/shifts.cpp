@@ -1,5 +1,6 @@
 #include "regions/shifts.hpp"
 
+#include <cmath>
 #include <vector>
 
 namespace bodytrack::regions {
@@ -30,24 +31,36 @@ void read_line(const Lines &lines, const Sample &at, const Index *beside, double
     }
 }
 
-// Change (255,) of the energy where a contour moves out over a place, by 254 times its chance to be inside.
-std::vector<double> gains_of(double slack) {
-    std::vector<double> gains(255);
-    for (int k = 0; k < 255; k++)
-        gains[k] = std::log(slack * k / 254.0 + (1.0 - slack) * (254 - k) / 254.0) -
-                   std::log((1.0 - slack) * k / 254.0 + slack * (254 - k) / 254.0);
-    return gains;
-}
-
-// Energy (2 reach + 1,) of each shift of the contour, relative to the first; index of the least.
-int weigh_shifts(const std::vector<double> &shares, const std::vector<double> &gains, std::vector<double> &energy) {
-    const int n = int(energy.size()) - 1, start = int(shares.size()) / 2 - n / 2;
-    int best = 0;
-    energy[0] = 0.0;
-    for (int d = 0; d < n; d++) {
-        energy[d + 1] = energy[d] + gains[int(shares[start + d] + 0.5)];
-        if (energy[d + 1] < energy[best]) best = d + 1;
+// What a contour that moves out over a place gains in likelihood (255,), by 254 times its chance to be inside: a factor, and
+// its logarithm.
+struct Gains {
+    explicit Gains(double slack) {
+        for (int k = 0; k < 255; k++) {
+            factors[k] = ((1.0 - slack) * k + slack * (254 - k)) / (slack * k + (1.0 - slack) * (254 - k));
+            logarithms[k] = std::log(factors[k]);
+        }
     }
+
+    double factors[255], logarithms[255];
+};
+
+// Likelihoods (2 reach + 1,) of the shifts of the contour, relative to the largest; its index. They are multiplied outwards
+// from there: so none is out of range, however long the line.
+int weigh_shifts(const std::vector<double> &shares, const Gains &gains, std::vector<double> &likelihoods) {
+    const int n = int(likelihoods.size()) - 1, start = int(shares.size()) / 2 - n / 2;
+    const auto place = [&](int d) { return int(shares[start + d] + 0.5); };
+    int best = 0;
+    double energy = 0.0, most = 0.0;
+    for (int d = 0; d < n; d++) {
+        energy += gains.logarithms[place(d)];
+        if (energy > most) {
+            most = energy;
+            best = d + 1;
+        }
+    }
+    likelihoods[best] = 1.0;
+    for (int d = best; d < n; d++) likelihoods[d + 1] = likelihoods[d] * gains.factors[place(d)];
+    for (int d = best; d > 0; d--) likelihoods[d - 1] = likelihoods[d] / gains.factors[place(d - 1)];
     return best;
 }
 
@@ -61,12 +74,12 @@ bool supported(const std::vector<double> &shares, int contour) {
     return inside > SUPPORT * LOOKS_INSIDE && outside < SUPPORT * LOOKS_OUTSIDE;
 }
 
-// Mean, px, inverse variance, 1/px^2, and support of the shifts of a line; best: the index of the least energy.
-void write_shift(const std::vector<double> &energy, int best, double step, float *shift) {
-    const int n = int(energy.size()), reach = n / 2;
+// Mean, px, inverse variance, 1/px^2, and support of the shifts of a line; best: the index of the likeliest.
+void write_shift(const std::vector<double> &likelihoods, int best, double step, float *shift) {
+    const int n = int(likelihoods.size()), reach = n / 2;
     double total = 0.0, first = 0.0, second = 0.0;
     for (int d = 0; d < n; d++) {
-        const double weight = std::exp(energy[best] - energy[d]), moved = d - reach;
+        const double weight = likelihoods[d], moved = d - reach;
         total += weight;
         first += weight * moved;
         second += weight * moved * moved;
@@ -84,8 +97,8 @@ void write_shift(const std::vector<double> &energy, int best, double step, float
 void find_shifts(const Lines &lines, const Samples &samples, Array<const Index, 3> beside, Array<const double, 2> cameras,
                  Array<float, 3> shifts) {
     const Rule &rule = lines.rule;
-    std::vector<double> shares(2 * (rule.reach + SUPPORT)), energy(2 * rule.reach + 1);
-    const std::vector<double> gains = gains_of(rule.slack);
+    std::vector<double> shares(2 * (rule.reach + SUPPORT)), likelihoods(2 * rule.reach + 1);
+    const Gains gains(rule.slack);
     for (Index v = 0; v < samples.counts.size(); v++)
         for (Index m = 0; m < samples.counts[v]; m++) {
             float *shift = shifts[v][m].data;
@@ -96,8 +109,8 @@ void find_shifts(const Lines &lines, const Samples &samples, Array<const Index, 
             double step = std::max(size * rule.step_m, 1.0);
             step = std::min(std::max(step, rule.gate_px / double(rule.reach)), rule.widest * step);
             read_line(lines, at, beside[v][m].data, step, DEEPEST * size * lines.looks.half_extents[at.p], shares);
-            const int best = weigh_shifts(shares, gains, energy);
-            if (supported(shares, SUPPORT + best)) write_shift(energy, best, step, shift);
+            const int best = weigh_shifts(shares, gains, likelihoods);
+            if (supported(shares, SUPPORT + best)) write_shift(likelihoods, best, step, shift);
         }
 }
 
