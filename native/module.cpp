@@ -12,6 +12,7 @@ namespace bodytrack {
 void bind_adjustment(nb::module_ &module);
 void bind_body(nb::module_ &module);
 void bind_contours(nb::module_ &module);
+void bind_descent(nb::module_ &module);
 void bind_images(nb::module_ &module);
 void bind_movements(nb::module_ &module);
 void bind_patches(nb::module_ &module);
@@ -45,6 +46,7 @@ NB_MODULE(_native, module) {
     bodytrack::bind_adjustment(module);
     bodytrack::bind_body(module);
     bodytrack::bind_contours(module);
+    bodytrack::bind_descent(module);
     bodytrack::bind_images(module);
     bodytrack::bind_movements(module);
     bodytrack::bind_patches(module);

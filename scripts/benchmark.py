@@ -20,6 +20,7 @@ from benchmarks import opensim_models as moved_models
 from benchmarks import poses as pose_rates
 from benchmarks import recognition as known_movements
 from benchmarks import recordings as tracked_recordings
+from benchmarks import refinements as compiled_refinements
 from benchmarks import robustness as survival
 from benchmarks import scores_picture
 from benchmarks import segmentation as level_sets
@@ -64,6 +65,14 @@ def tracking(
 ) -> None:
     """Milliseconds a frame by stage, from video files on, beside the floor of decoding and edge detection."""
     cycle_times.compare(console, n_frames, quick)
+
+
+@app.command()
+def refinements(
+    n_frames: Annotated[int, typer.Option(min=3, help="Frames tracked at 25 a second.")] = 20, quick: Quick = False
+) -> None:
+    """Milliseconds of a refinement in one compiled call, beside the same asked of the evidence step by step."""
+    compiled_refinements.compare(console, n_frames, quick)
 
 
 @app.command("whole_runs")

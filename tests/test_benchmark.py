@@ -114,6 +114,7 @@ def smaller(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
         (("poses",), ("1 thread", "to rasterizing", "to pyrender", "2 threads", "cpu"), 2),
         (("skins",), ("rasterizing it", "contours of it, smooth", "contours of its superquadrics", "CPU ms a pose"), 5),
         (("tracking",), ("decode alone", "observation", "other", "floor", "ratio", "frames/s", "hinge RMS deg"), 4),
+        (("refinements",), ("step by step ms", "compiled ms", "to step by step", "poses apart"), 2),
         (("whole_runs",), ("opening", "body, fit", "writing", "floor", "times", "peak GiB"), 1),
         (("starts",), ("a loop", "threads", "wall s", "same pose", "yes", "still parts once", "rasterized"), 2),
         (("robustness", "--only", "missing"), ("lost", "longest loss", "joints 95 % mm", "verdict", "tracked"), 1),
@@ -140,7 +141,7 @@ def test_benchmarks_print_their_columns(
     assert len(re.findall("^│", printed, re.MULTILINE)) >= n_rows
     if arguments[0] == "starts":
         assert "NO" not in printed  # the same pose, whichever way it is made
-    if arguments[0] in ("poses", "skins", "tracking", "starts", "lsm", "segmentation"):
+    if arguments[0] in ("poses", "refinements", "skins", "tracking", "starts", "lsm", "segmentation"):
         # Every speed stands beside its reference.
         assert re.search(r" \d[\d.]*x ", printed)
 

@@ -31,6 +31,18 @@ def intersect_rays(
     cameras: Array, pixels: Array, variances: Array, points: Array, covariances: Array, residuals: Array
 ) -> None: ...
 
+# descent/: named tuples of `tracker.kernels.descent`
+def descend(
+    model: tuple[object, ...],
+    stage: tuple[object, ...],
+    kinds: tuple[object, ...],
+    rule: tuple[object, ...],
+    gates: Array,
+    q: Array,
+    matrix: Array,
+    vector: Array,
+) -> tuple[float, float, int]: ...
+
 # lens and projection, for tests of the kernels
 def undistort(camera: Array, x: float, y: float) -> tuple[float, float]: ...
 def project_point(camera: Array, x: float, y: float, z: float) -> tuple[float, float, float]: ...

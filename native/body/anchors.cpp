@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "body/wrenches.hpp"
-
 namespace bodytrack::body {
 
 namespace {
@@ -77,12 +75,12 @@ void residuals_of(Array<const double, 3> placements, Array<const double, 2> came
 }
 
 Sums anchor_equations(Array<const double, 3> placements, const Carried &carried, Array<const double, 2> found,
-                      Array<const double, 1> weights, Array<const Index, 1> ends, Array<const double, 2> twists,
-                      Array<const bool, 2> moves, Array<double, 2> matrix, Array<double, 1> vector) {
-    std::vector<End> sums_of(moves.shape[1]);
+                      Array<const double, 1> weights, const Motion &motion, Array<double, 2> matrix,
+                      Array<double, 1> vector) {
+    std::vector<End> sums_of(motion.moves.shape[1]);
     Sums sums;
     for (Index n = 0; n < carried.size(); n++) {
-        const Index end = ends[carried.parts[n]];
+        const Index end = motion.ends[carried.parts[n]];
         const double weight = weights[n];
         if (!(weight > 0.0) || end < 0) continue;
         const Point point = placed(placements[carried.parts[n]].data, carried, n);
@@ -95,7 +93,7 @@ Sums anchor_equations(Array<const double, 3> placements, const Carried &carried,
         add(row[at::U], row + at::U_X);
         add(row[at::W], row + at::W_X);
     }
-    chain(sums_of, twists, moves, matrix, vector);
+    chain(sums_of, motion, matrix, vector);
     return sums;
 }
 

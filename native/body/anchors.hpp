@@ -2,7 +2,7 @@
 //
 // Places lie on the surface where a viewing ray met it, so they are surest across that ray.
 #pragma once
-#include "array.hpp"
+#include "body/wrenches.hpp"
 
 namespace bodytrack::body {
 
@@ -32,16 +32,10 @@ void gaps_of(Array<const double, 4> placements, Array<const double, 2> cameras, 
 void residuals_of(Array<const double, 3> placements, Array<const double, 2> cameras, const Carried &carried,
                   double slide_m, Array<double, 2> found);
 
-// Sums of w r^2 and of w.
-struct Sums {
-    double squares = 0.0, total = 0.0;
-};
-
 // Normal equations that bring the places to where they are shown, by wrenches; each place has two residuals. found (N, 10)
-// from `residuals_of`; weights (N,) px^-2; ends (P,) last parameter that moves each part, -1 for the world, -2 for parts
-// that do not count; twists (dof, 6), moves (dof, dof + 1). Writes J^T W J (dof, dof) and J^T W r (dof,).
+// from `residuals_of`; weights (N,) px^-2. Writes J^T W J (dof, dof) and J^T W r (dof,).
 Sums anchor_equations(Array<const double, 3> placements, const Carried &carried, Array<const double, 2> found,
-                      Array<const double, 1> weights, Array<const Index, 1> ends, Array<const double, 2> twists,
-                      Array<const bool, 2> moves, Array<double, 2> matrix, Array<double, 1> vector);
+                      Array<const double, 1> weights, const Motion &motion, Array<double, 2> matrix,
+                      Array<double, 1> vector);
 
 }  // namespace bodytrack::body

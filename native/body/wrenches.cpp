@@ -16,8 +16,9 @@ void End::add(const Point &point, const Point &gradient, double pull, double wei
     used = true;
 }
 
-void chain(const std::vector<End> &ends, Array<const double, 2> twists, Array<const bool, 2> moves,
-           Array<double, 2> matrix, Array<double, 1> vector) {
+void chain(const std::vector<End> &ends, const Motion &motion, Array<double, 2> matrix, Array<double, 1> vector) {
+    const auto twists = motion.twists;
+    const auto moves = motion.moves;
     const Index dof = twists.shape[0];
     std::fill_n(matrix.data, matrix.size(), 0.0);
     std::fill_n(vector.data, vector.size(), 0.0);

@@ -23,9 +23,20 @@ struct End {
     void add(const Point &point, const Point &gradient, double pull, double weight);
 };
 
-// The normal equations of the parameters that move some ends (dof): J^T W J (dof, dof) and J^T W r (dof,). twists (dof, 6)
-// are spatial; moves (dof, dof + 1) from `BodyModel.moves`.
-void chain(const std::vector<End> &ends, Array<const double, 2> twists, Array<const bool, 2> moves,
-           Array<double, 2> matrix, Array<double, 1> vector);
+// How a pose moves the parts of a scene: (P,) the last parameter that moves each, -1 for the world, -2 for parts that do not
+// count; (dof, 6) spatial twists; (dof, dof + 1) from `BodyModel.moves`.
+struct Motion {
+    Array<const Index, 1> ends;
+    Array<const double, 2> twists;
+    Array<const bool, 2> moves;
+};
+
+// Sums of w r^2 and of w.
+struct Sums {
+    double squares = 0.0, total = 0.0;
+};
+
+// The normal equations of the parameters that move some ends (dof): J^T W J (dof, dof) and J^T W r (dof,).
+void chain(const std::vector<End> &ends, const Motion &motion, Array<double, 2> matrix, Array<double, 1> vector);
 
 }  // namespace bodytrack::body

@@ -205,7 +205,7 @@ void bind_oriented_matching(nb::module_ &module) {
             const Output<double, 1> v(vector, "vector", {t.length(0)});
             within((*e).data, (*e).size(), "ends", -2, m.length(1));
             check_pairs(*p, *parts_, s.length(0), e.length(0));
-            const Sums sums = unlocked([&] {
+            const body::Sums sums = unlocked([&] {
                 return normal_equations({*p, *at, *of, *parts_, *s, *c}, {*e, *t, *m}, px_per_observation, robust_px, *a,
                                         *v);
             });

@@ -5,7 +5,6 @@
 #include <limits>
 #include <vector>
 
-#include "body/wrenches.hpp"
 #include "projection.hpp"
 
 namespace bodytrack::contours {
@@ -120,13 +119,13 @@ Index match_oriented(Array<const float, 3> positions, Array<const Index, 1> coun
     return found.n;
 }
 
-Sums normal_equations(const Paired &paired, const Motion &motion, double px_per_observation, double robust_px,
-                      Array<double, 2> matrix, Array<double, 1> vector) {
+body::Sums normal_equations(const Paired &paired, const body::Motion &motion, double px_per_observation,
+                            double robust_px, Array<double, 2> matrix, Array<double, 1> vector) {
     const Index n_ends = motion.moves.shape[1], n_views = paired.parts.shape[0], room = paired.parts.shape[1];
     // place of each sample among those pulled, and one; most are not
     std::vector<int> places(std::size_t(n_views * room), 0);
     std::vector<Pulled> pulled;
-    Sums sums{0.0, 0.0};
+    body::Sums sums;
     for (Index i = 0; i < paired.pairs.shape[0]; i++) {
         const Index *pair = paired.pairs[i].data, view = pair[0], m = pair[1], end = motion.ends[paired.parts(view, m)];
         if (end < -1) continue;
@@ -151,7 +150,7 @@ Sums normal_equations(const Paired &paired, const Motion &motion, double px_per_
     std::vector<body::End> ends(n_ends);
     for (const auto &[along, at, end, weight, pull] : pulled)
         if (end >= 0) ends[end].add({at[0], at[1], at[2]}, {along.x, along.y, along.z}, pull, weight);
-    body::chain(ends, motion.twists, motion.moves, matrix, vector);
+    body::chain(ends, motion, matrix, vector);
     return sums;
 }
 

@@ -1,6 +1,6 @@
 // Nearest neighbours between model contours and scene edges whose directions agree, and their normal equations.
 #pragma once
-#include "array.hpp"
+#include "body/wrenches.hpp"
 
 namespace bodytrack::contours {
 
@@ -28,25 +28,10 @@ struct Paired {
     Array<const double, 2> cameras;
 };
 
-// How a pose moves parts.
-struct Motion {
-    // (P,) last parameter that moves each part; -2 for parts of other persons, whose pairs do not count
-    Array<const Index, 1> ends;
-    // (dof, 6) spatial twists of the parameters
-    Array<const double, 2> twists;
-    // (dof, J) which parameters move what hangs on each; the last column is of no parameter
-    Array<const bool, 2> moves;
-};
-
-// Sums of w r^2 and of w.
-struct Sums {
-    double squares, total;
-};
-
-// Normal equations of the point-to-contour residuals, robustly weighted (Geman & McClure); matrix (dof, dof) receives
-// J^T W J and vector (dof,) J^T W r. px_per_observation: contour length that counts as one observation; robust_px:
+// Normal equations of the point-to-contour residuals, robustly weighted (Geman & McClure), by wrenches; matrix (dof, dof)
+// receives J^T W J and vector (dof,) J^T W r. px_per_observation: contour length that counts as one observation; robust_px:
 // residual at which a pair's weight has fallen to a quarter. The twin is `Correspondences.residual`.
-Sums normal_equations(const Paired &paired, const Motion &motion, double px_per_observation, double robust_px,
-                      Array<double, 2> matrix, Array<double, 1> vector);
+body::Sums normal_equations(const Paired &paired, const body::Motion &motion, double px_per_observation,
+                            double robust_px, Array<double, 2> matrix, Array<double, 1> vector);
 
 }  // namespace bodytrack::contours

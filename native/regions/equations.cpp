@@ -1,18 +1,17 @@
 // Normal equations of contour shifts.
-#include "body/wrenches.hpp"
 #include "regions/shifts.hpp"
 
 namespace bodytrack::regions {
 
-Sums shift_equations(Array<const float, 3> shifts, const Samples &samples, const Chains &chains,
-                     Array<const double, 2> cameras, double px_per_observation, Array<double, 2> matrix,
-                     Array<double, 1> vector) {
-    std::vector<body::End> ends(chains.moves.shape[1]);
-    Sums sums;
+body::Sums shift_equations(Array<const float, 3> shifts, const Samples &samples, const body::Motion &motion,
+                           Array<const double, 2> cameras, double px_per_observation, Array<double, 2> matrix,
+                           Array<double, 1> vector) {
+    std::vector<body::End> ends(motion.moves.shape[1]);
+    body::Sums sums;
     for (Index v = 0; v < samples.counts.size(); v++)
         for (Index m = 0; m < samples.counts[v]; m++) {
             const Sample at(samples, v, m);
-            const Index end = chains.ends[at.p];
+            const Index end = motion.ends[at.p];
             const float *shift = shifts[v][m].data;
             const double weight = at.length / px_per_observation * shift[1] * shift[2];
             if (!(weight > 0.0) || end < 0) continue;
@@ -23,7 +22,7 @@ Sums shift_equations(Array<const float, 3> shifts, const Samples &samples, const
             sums.squares += weight * residual * residual;
             sums.total += weight;
         }
-    body::chain(ends, chains.twists, chains.moves, matrix, vector);
+    body::chain(ends, motion, matrix, vector);
     return sums;
 }
 

@@ -3,6 +3,7 @@
 // Shifting the contour along a line by d leaves the places up to d inside. The posterior of d, flat a priori, has a mean
 // and a variance: one equation of the pose.
 #pragma once
+#include "body/wrenches.hpp"
 #include "regions/lines.hpp"
 
 namespace bodytrack::regions {
@@ -14,24 +15,11 @@ namespace bodytrack::regions {
 void find_shifts(const Lines &lines, const Samples &samples, Array<const Index, 3> beside, Array<const double, 2> cameras,
                  Array<float, 3> shifts);
 
-// How parts hang on parameters: ends (P,) last parameter that moves each part, -1 for the world, -2 for parts that do not
-// count; twists (dof, 6), spatial; moves (dof, dof + 1).
-struct Chains {
-    Array<const Index, 1> ends;
-    Array<const double, 2> twists;
-    Array<const bool, 2> moves;
-};
-
-// Sums of w r^2 and of w.
-struct Sums {
-    double squares = 0.0, total = 0.0;
-};
-
 // Normal equations that move every sample along its normal by its shift (V, M, 3); a line counts by its inverse variance,
 // px^-2, and its support. By wrenches; g is the derivative of the projection along the image normal. Writes J^T W J
 // (dof, dof) and J^T W r (dof,).
-Sums shift_equations(Array<const float, 3> shifts, const Samples &samples, const Chains &chains,
-                     Array<const double, 2> cameras, double px_per_observation, Array<double, 2> matrix,
-                     Array<double, 1> vector);
+body::Sums shift_equations(Array<const float, 3> shifts, const Samples &samples, const body::Motion &motion,
+                           Array<const double, 2> cameras, double px_per_observation, Array<double, 2> matrix,
+                           Array<double, 1> vector);
 
 }  // namespace bodytrack::regions

@@ -17,6 +17,7 @@ from tracker.evidence.measures.outlines import Comparison
 from tracker.foundation.arrays import Array, Image, Mask
 from tracker.foundation.configuration.tables import component_name
 from tracker.images.sight import Sight
+from tracker.kernels.descent import Kinds
 
 Observed = Any
 """What one kind of evidence has observed in a frame: its own frozen value, which only it looks into."""
@@ -43,8 +44,8 @@ class Evidence(Protocol):
     """A component that answers for one kind of evidence. Search and refinement know none of them by name.
 
     One pose has one number: what `distances` ranks by is what `account` reports. Components derive from this class
-    and inherit the optional methods, `check`, `told`, `takes_part_plates`, `look`, `learned`, `observe_again` and
-    `pictures`.
+    and inherit the optional methods, `check`, `told`, `takes_part_plates`, `look`, `learned`, `observe_again`, `kinds`
+    and `pictures`.
     """
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Observed:
@@ -85,6 +86,14 @@ class Evidence(Protocol):
         Segmentation and pose estimation are alternated by it: a contour found with the pose last found as its prior.
         """
         return asked.observed
+
+    def kinds(self, asked: Comparison) -> Kinds | None:
+        """What a compiled refinement computes of its `equations` by itself; by default None: it is asked for them.
+
+        Args:
+            asked: person, scene and what was observed.
+        """
+        return None
 
     def check(self, scene: Scene) -> None:
         """Refuses files of its own that cannot be used, before the first frame; by default there are none.

@@ -20,6 +20,7 @@ from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.components import component
 from tracker.images.plate import Plate
 from tracker.images.sight import Sight
+from tracker.kernels.descent import Kinds
 
 WITHOUT_PLATES = "no background plates"
 WHERE_NOBODY_STAYS = "foreground where nobody stays"
@@ -117,6 +118,10 @@ class AutoEvidence(Evidence):
     def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
         """Its equations."""
         return _by(asked).equations(_put(asked), q, gate_px)
+
+    def kinds(self, asked: Comparison) -> Kinds | None:
+        """What is compiled of it."""
+        return _by(asked).kinds(_put(asked))
 
     def account(self, asked: Comparison, q: Array) -> Account:
         """Its account."""

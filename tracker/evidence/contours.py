@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pydantic
 
-from tracker.bodies.contours import Contours
+from tracker.bodies.contours import PX_PER_OBSERVATION, Contours
 from tracker.evidence import Evidence, EvidencePicture, Memory
 from tracker.evidence._shares import UNKNOWN, over_views, shares
 from tracker.evidence.measures.account import Account
@@ -18,6 +18,7 @@ from tracker.foundation.configuration.components import component
 from tracker.images.analysis import Analysis
 from tracker.images.analysis.contours import ContourAnalysis
 from tracker.images.sight import Observation, Sight, ViewObservation
+from tracker.kernels.descent import Edges, Kinds
 
 # Distance where every view is missing, px: that of an outlier everywhere.
 _NOTHING_PX = 40.0
@@ -54,6 +55,14 @@ class ContourEvidence(Evidence):
     def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
         """What makes the distance smaller; see `tracker.evidence.Evidence.equations`."""
         return self.similarity.equations(asked, q, gate_px)
+
+    def kinds(self, asked: Comparison) -> Kinds | None:
+        """The edges, where the measure is the chamfer distance without votes."""
+        measure = self.similarity
+        if type(self) is not ContourEvidence or not isinstance(measure, ChamferSimilarity) or measure.votes:
+            return None
+        edges, cosine = asked.observed.packed, float(np.cos(np.radians(measure.direction_deg)))
+        return Kinds(edges=Edges(1.0, 0.0, edges.points, edges.first, cosine, PX_PER_OBSERVATION))
 
     def account(self, asked: Comparison, q: Array) -> Account:
         """What of the contours lies on edges, and what edges no contour explains."""

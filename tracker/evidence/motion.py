@@ -25,6 +25,7 @@ from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.components import component
 from tracker.images.sight import Sight
 from tracker.kernels.body import anchor_equations, gaps_of
+from tracker.kernels.descent import Kinds, Places
 from tracker.kernels.rows import CarriedPlaceRow
 
 _FACING = 0.1
@@ -152,6 +153,16 @@ class MotionEvidence(Evidence):
         )
         put = placements, anchors.carried, found, weights, asked.ends, asked.twists(q), asked.body.moves
         return Equations(*anchor_equations(*put))
+
+    def kinds(self, asked: Comparison) -> Kinds | None:
+        """The places on the person; nothing where there are none."""
+        if type(self) is not MotionEvidence:
+            return None
+        anchors, shares = asked.observed.of(asked)
+        if not len(shares):
+            return Kinds(most_silent=1.0)
+        counted = np.where(anchors.strikes == 0, shares, 0.0)
+        return Kinds(places=Places(1.0, 0.0, anchors.carried, counted, self.slide_m, self.reach_px, _FACING))
 
     def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
         """Places where the image shows them, with a line to where the pose carries them; red if that is too far."""

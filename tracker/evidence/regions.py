@@ -26,6 +26,8 @@ from tracker.foundation.arrays import Array, Array32, Image, Integers, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.geometry.superquadrics import box_bounds
 from tracker.images.sight import Sight
+from tracker.kernels.descent import Colours as Beside
+from tracker.kernels.descent import Kinds
 from tracker.kernels.regions import (
     HIDDEN,
     Lines,
@@ -136,6 +138,16 @@ class RegionEvidence(Evidence):
         find_shifts(picture, colours.looks, samples, beside, cameras, wanted, rule, shifts)
         found = shift_equations(shifts, samples, asked.ends, cameras, asked.twists(q), body.moves, _PX_PER_OBSERVATION)
         return Equations(*found)
+
+    def kinds(self, asked: Comparison) -> Kinds | None:
+        """The lines across contours; nothing before any colour is known."""
+        if type(self) is not RegionEvidence:
+            return None
+        colours = self._colours(asked)
+        if colours is None:
+            return Kinds(most_silent=1.0)
+        lines = Lines(asked.observed.picture, colours.looks, asked.ends > -2, self.rule())
+        return Kinds(colours=Beside(1.0, 0.0, lines, _bounds(asked.scene.shapes.tobytes()), _PX_PER_OBSERVATION))
 
     def account(self, asked: Comparison, q: Array) -> Account:
         """Contour with the right colours on both sides is explained; a region misses nothing of the images."""

@@ -22,9 +22,12 @@ from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import ConfigError
 from tracker.images.sight import Sight
+from tracker.kernels.descent import Kinds
 
 # A choice: half the residual counts 16 times.
 _SHARPNESS = 4.0
+# What a compiled refinement is on, see `tracker.kernels.descent.Kinds`.
+_SAID = ("edges", "colours", "places")
 # Longer side of the images that thresholds in px are told for.
 _USUAL_PX = 720.0
 
@@ -108,6 +111,22 @@ class TogetherEvidence(Evidence):
             share = _share_of_usual(asked.scene.rig)
             weights = _sharpened(weights, found, [self.exact_px[k] * share for k in counted])
         return combined(found, weights)
+
+    def kinds(self, asked: Comparison) -> Kinds | None:
+        """All of them, if each is compiled and says one thing."""
+        together, share = Kinds(), _share_of_usual(asked.scene.rig)
+        exact_px = self.exact_px or (0.0,) * len(self.of)
+        for one, weight, observed, px in zip(self.of, self.refining, asked.observed, exact_px, strict=True):
+            if weight == 0:
+                continue
+            own = one.kinds(asked.put(observed))
+            said = () if own is None else tuple(name for name in _SAID if getattr(own, name) is not None)
+            if own is None or len(said) > 1 or any(getattr(together, name) is not None for name in said):
+                return None
+            counted = {name: getattr(own, name)._replace(weight=weight, exact_px=px * share) for name in said}
+            silent = max(together.most_silent, weight * own.most_silent)
+            together = together._replace(most_silent=silent, **counted)
+        return together
 
     def account(self, asked: Comparison, q: Array) -> Account:
         """Weighted sum of the shares, and the distance that ranks; see `tracker.evidence.measures.account.summed`."""

@@ -12,6 +12,7 @@ from tracker.foundation.arrays import Array, Integers, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import RenderError
 from tracker.images.sight import Observation
+from tracker.kernels.descent import Tracing
 from tracker.kernels.regions import Lines
 from tracker.synthesis._atlas import atlas_on
 from tracker.synthesis.cpu import CpuSynthesis
@@ -53,6 +54,10 @@ class AutoSynthesis:
     ) -> Contours:
         """Visible occluding contours; see `tracker.synthesis.Synthesis.contours`."""
         return self._cpu.contours(scene, person, poses, coarse)
+
+    def tracing(self, scene: Scene) -> Tracing | None:
+        """What contours are traced by."""
+        return self._cpu.tracing(scene)
 
     def silhouettes(self, scene: Scene) -> tuple[Mask, ...]:
         """The region covered; see `tracker.synthesis.Synthesis.silhouettes`."""

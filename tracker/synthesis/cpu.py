@@ -17,6 +17,7 @@ from tracker.foundation.configuration.components import component
 from tracker.foundation.geometry.superquadrics import spread, surface
 from tracker.images.sight import Observation
 from tracker.kernels.contours import MOST_COLUMNS, MOST_ROWS, moving_parts, score_poses, trace_contours, trace_still
+from tracker.kernels.descent import Tracing
 from tracker.kernels.pictures import fill_parts
 from tracker.kernels.regions import Lines, score_regions
 from tracker.synthesis._skins import PartIds, fill_skins, ids_of_poses, skinned_parts, with_skins
@@ -135,6 +136,14 @@ class CpuSynthesis:
             counts,
         )
         return Contours(positions, points, parts, between, counts), most
+
+    def tracing(self, scene: Scene) -> Tracing | None:
+        """What compiled refinements trace fine contours by; None where they are of persons' own skins."""
+        if scene.has_skins:
+            return None
+        grid, spacing = self._sampling(scene, coarse=False)
+        grids, planes, bounds = _grids(scene.shapes, *grid)
+        return Tracing(scene.shapes, grids, planes, grid, bounds, scene.rig.packed, scene.rig.sizes, spacing)
 
     def directed_distances(
         self, scene: Scene, person: int, poses: Array, observation: Observation, theta: float, reject: bool

@@ -10,7 +10,9 @@ from tracker.bodies.body import BodyModel
 from tracker.evidence.measures.correspondences import Equations
 from tracker.foundation.arrays import Array
 from tracker.foundation.configuration.components import component
+from tracker.kernels.descent import Rule
 from tracker.tracking.estimate import Estimate
+from tracker.tracking.estimation._compiled_descent import compiled_descent
 from tracker.tracking.objective import Objective
 
 
@@ -84,6 +86,11 @@ class TwistIcpEstimation:
         body = objective.body
         prior, found = self._prior(body), Equations.nothing(body.dof)
         resting = self._steps(body, self.rest_deg, self.rest_m)
+        compiled = compiled_descent(objective)
+        if compiled is not None:
+            pulls = body.rest(), 1 / body.spreads**2, objective.rare_px
+            reached = compiled(Rule(start, np.diag(prior).copy(), *pulls, resting), q, np.array(gates))
+            return reached.q, Equations(reached.matrix, reached.vector, reached.squares, reached.total)
         gates = list(gates)
         while gates:
             found = objective.equations(q, gates.pop(0))
