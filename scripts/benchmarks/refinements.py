@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from unittest.mock import patch
 
@@ -18,7 +18,6 @@ from tracker.foundation.arrays import Array
 from tracker.synthesis import cpu
 from tracker.synthesis.simulation.sequence import Recipe, simulate
 from tracker.tracking.estimation import twist_icp
-from tracker.tracking.estimation._compiled_descent import compiled_descent
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 from tracker.tracking.objective import Objective
 
@@ -68,6 +67,11 @@ def _refinements(size: tuple[int, int], n_frames: int, plates: bool, repeats: in
     return found
 
 
+def _step_by_step() -> AbstractContextManager[object]:
+    """Has refinements find nothing compiled."""
+    return patch.object(twist_icp, "compiled_descent", lambda objective: None)
+
+
 @contextmanager
 def _measured(found: list[Refined], repeats: int) -> Iterator[None]:
     """Has every refinement made both ways, in turn."""
@@ -76,17 +80,17 @@ def _measured(found: list[Refined], repeats: int) -> Iterator[None]:
     def measured(
         self: TwistIcpEstimation, objective: Objective, start: Array, q: Array, gates: list[float]
     ) -> tuple[Array, Equations]:
-        def refine(way: Callable[..., object]) -> tuple[float, tuple[Array, Equations]]:
+        def refine(way: AbstractContextManager[object]) -> tuple[float, tuple[Array, Equations]]:
             objective._answers.clear()
             cpu._TRACED.clear()  # or the repeats would trace nothing
-            with patch.object(twist_icp, "compiled_descent", way):
+            with way:
                 begin = time.thread_time()
                 reached = usual(self, objective, start, q, gates)
                 return time.thread_time() - begin, reached
 
         if not gates:
             return usual(self, objective, start, q, gates)
-        pairs = [(refine(lambda _: None), refine(compiled_descent)) for _ in range(repeats)]
+        pairs = [(refine(_step_by_step()), refine(nullcontext())) for _ in range(repeats)]
         stepwise, together = zip(*pairs, strict=True)
         apart = float(np.abs(stepwise[0][1][0] - together[0][1][0]).max())
         found.append(Refined(min(s for s, _ in together), min(s for s, _ in stepwise), apart))
