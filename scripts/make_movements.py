@@ -15,6 +15,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from benchmarks.everyday import everyday
 from benchmarks.motion_files import read_deepmimic
 
 from tracker.bodies.body import BodyModel
@@ -98,6 +99,11 @@ def _fill(output: Path, motions: Path) -> None:
         about = body.movements[name].about
         told = Description(about=about, repeats=repeats, told_by=_TOLD_BY.get(name, ()), source=_OWN)
         add_performance(output, name, "gavrila22", course_of(body, times, poses_of(name, body, times)), told)
+    for name, one in everyday().items():
+        # of what repeats, two rounds and a half hold the one that is kept
+        times = np.arange(0.0, (2.5 if one.repeats else 1.0) * one.seconds, 0.02)
+        told = Description(about=one.about, repeats=one.repeats, source=_OWN)
+        add_performance(output, name, "gavrila22", course_of(body, times, one.poses(body, times)), told)
     told = Description(about="standing still, the arms hanging", repeats=True, source=_OWN)
     for stance, angles_deg in _STANCES.items():
         add_performance(output, "standing", f"gavrila22_{stance}", _standing(body, angles_deg), told)

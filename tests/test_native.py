@@ -20,6 +20,7 @@ def asked(**changes):
     good = {
         "queried": np.ones((4, 2, 3), np.float32),
         "known": np.ones((5, 2, 3), np.float32),
+        "weights": np.full(2, 0.5, np.float32),
         "gaps": np.full((4, 5), np.nan, np.float32),
     }
     return {**good, **changes}
@@ -61,6 +62,7 @@ def test_arrays_whose_rows_lie_apart_are_taken_and_written():
         ({"queried": np.ones((4, 2, 2), np.float32)}, ValueError, r"queried: .*\(any, any, 3\), found \(4, 2, 2\)"),
         ({"queried": np.ones((4, 6), np.float32)}, ValueError, r"queried: .*found \(4, 6\)"),
         ({"known": np.ones((5, 3, 3), np.float32)}, ValueError, r"known: .*\(any, 2, 3\), found \(5, 3, 3\)"),
+        ({"weights": np.ones(3, np.float32)}, ValueError, r"weights: .*\(2,?\), found \(3,?\)"),
         ({"gaps": np.ones((4, 4), np.float32)}, ValueError, r"gaps: .*\(4, 5\), found \(4, 4\)"),
         ({"gaps": read_only()}, ValueError, "gaps: expected a writable .*found it read-only"),
     ],

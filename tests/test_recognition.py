@@ -167,15 +167,16 @@ def test_a_person_whose_joints_are_called_otherwise_is_a_person():
     np.testing.assert_array_equal(found.directions, usual.directions)
 
 
-def test_gaps_are_root_mean_square_angles():
+def test_gaps_are_root_mean_square_angles_by_weight():
     rng = np.random.default_rng(0)
     one, other = (rng.normal(size=(n, 9, 3)) for n in (4, 5))
     one, other = (a / np.linalg.norm(a, axis=-1, keepdims=True) for a in (one, other))
     other[0] = -one[0]
     gaps = np.zeros((4, 5), np.float32)
-    direction_gaps(one.astype(np.float32), other.astype(np.float32), gaps)
+    weights = rng.dirichlet(np.ones(9))
+    direction_gaps(one.astype(np.float32), other.astype(np.float32), weights.astype(np.float32), gaps)
     angles = np.degrees(np.arccos(np.clip(np.einsum("tlc,nlc->tnl", one, other), -1, 1)))
-    np.testing.assert_allclose(gaps, np.sqrt((angles**2).mean(axis=-1)), rtol=1e-4)
+    np.testing.assert_allclose(gaps, np.sqrt((angles**2) @ weights), rtol=1e-4)
     assert gaps[0, 0] == pytest.approx(180, rel=1e-4)
 
 

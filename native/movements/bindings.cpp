@@ -6,13 +6,14 @@ namespace bodytrack {
 void bind_movements(nb::module_ &module) {
     module.def(
         "direction_gaps",
-        [](nb::handle queried, nb::handle known, nb::handle gaps) {
+        [](nb::handle queried, nb::handle known, nb::handle weights, nb::handle gaps) {
             const Input<float, 3> q(queried, "queried", {ANY, ANY, 3});
             const Input<float, 3> k(known, "known", {ANY, q.length(1), 3});
+            const Input<float, 1> w(weights, "weights", {q.length(1)});
             const Output<float, 2> g(gaps, "gaps", {q.length(0), k.length(0)});
-            unlocked([&] { movements::direction_gaps(*q, *k, *g); });
+            unlocked([&] { movements::direction_gaps(*q, *k, *w, *g); });
         },
-        named("queried"), named("known"), named("gaps"));
+        named("queried"), named("known"), named("weights"), named("gaps"));
     module.def(
         "warp_sequence",
         [](nb::handle gaps, nb::handle first, nb::handle repeats, nb::handle slack, double unknown, double entry,

@@ -10,7 +10,7 @@ namespace bodytrack::movements {
 namespace {
 
 constexpr double INFINITE = std::numeric_limits<double>::infinity();
-constexpr double DEGREES = 57.29577951308232;
+constexpr float DEGREES = 57.29577951308232f;
 
 // The cheapest way to a frame of the library: its cost, the frame of the recording where it began, and how many known
 // frames it passed.
@@ -26,25 +26,41 @@ void tell(Array<Index, 1> told, Index number, Index start, Index passed) {
     told[2] = passed;
 }
 
+// The angle of a chord, rad, from its square: by the chord, which is exact near zero where an arc cosine is not. The arc
+// sine is that of S. Moshier's Cephes (asinf), good to 3e-7, without a branch.
+inline float between(float chord2) {
+    const float half2 = std::min(0.25f * chord2, 1.0f), half = std::sqrt(half2);
+    const bool wide = half > 0.5f;
+    const float z = wide ? 0.5f * (1.0f - half) : half2, root = wide ? std::sqrt(z) : half;
+    const float fine = 4.5470025998e-2f + z * (2.4181311049e-2f + z * 4.2163199048e-2f);
+    const float series = 1.6666752422e-1f + z * (7.4953002686e-2f + z * fine);
+    const float arc = root + root * z * series;
+    return wide ? 3.14159265358979f - 4.0f * arc : 2.0f * arc;
+}
+
 }  // namespace
 
-void direction_gaps(Array<const float, 3> queried, Array<const float, 3> known, Array<float, 2> gaps) {
-    const Index n_limbs = queried.shape[1];
-    for (Index t = 0; t < queried.shape[0]; t++)
-        for (Index n = 0; n < known.shape[0]; n++) {
-            double total = 0.0;
-            for (Index k = 0; k < n_limbs; k++) {
-                double chord2 = 0.0;
-                for (int axis = 0; axis < 3; axis++) {
-                    const double gap = double(queried(t, k, axis)) - double(known(n, k, axis));
-                    chord2 += gap * gap;
-                }
-                // by the chord, which is exact near zero where an arc cosine is not
-                const double angle = 2.0 * std::asin(std::min(1.0, 0.5 * std::sqrt(chord2)));
-                total += angle * angle;
+void direction_gaps(Array<const float, 3> queried, Array<const float, 3> known, Array<const float, 1> weights,
+                    Array<float, 2> gaps) {
+    const Index n_known = known.shape[0], n_limbs = queried.shape[1];
+    // frames side by side, so that the compiler takes eight at a time: 53 us for 80 and 80 frames in place of 1600
+    std::vector<float> aside(3 * n_limbs * n_known), total(n_known);
+    for (Index n = 0; n < n_known; n++)
+        for (Index k = 0; k < n_limbs; k++)
+            for (int axis = 0; axis < 3; axis++) aside[(3 * k + axis) * n_known + n] = known(n, k, axis);
+    for (Index t = 0; t < queried.shape[0]; t++) {
+        std::fill(total.begin(), total.end(), 0.0f);
+        for (Index k = 0; k < n_limbs; k++) {
+            const float x = queried(t, k, 0), y = queried(t, k, 1), z = queried(t, k, 2), weight = weights[k];
+            const float *xs = &aside[3 * k * n_known], *ys = xs + n_known, *zs = ys + n_known;
+            for (Index n = 0; n < n_known; n++) {
+                const float dx = xs[n] - x, dy = ys[n] - y, dz = zs[n] - z;
+                const float angle = between(dx * dx + dy * dy + dz * dz);
+                total[n] += weight * angle * angle;
             }
-            gaps(t, n) = float(DEGREES * std::sqrt(total / double(n_limbs)));
         }
+        for (Index n = 0; n < n_known; n++) gaps(t, n) = DEGREES * std::sqrt(total[n]);
+    }
 }
 
 double warp_sequence(const Known &known, double unknown, double entry, Array<Index, 2> found) {

@@ -4,9 +4,10 @@
 
 namespace bodytrack::movements {
 
-// How far limbs point in different directions: root mean square angle between every two frames, degrees.
-// queried (T, L, 3) and known (N, L, 3) are unit directions of L limbs; gaps (T, N).
-void direction_gaps(Array<const float, 3> queried, Array<const float, 3> known, Array<float, 2> gaps);
+// How far limbs point in different directions: root of the weighted mean square angle between every two frames, degrees.
+// queried (T, L, 3) and known (N, L, 3) are unit directions of L limbs, weights (L,) add up to 1; gaps (T, N).
+void direction_gaps(Array<const float, 3> queried, Array<const float, 3> known, Array<const float, 1> weights,
+                    Array<float, 2> gaps);
 
 // The performances of a library: gaps (T, N) to every frame of it, where each begins (K + 1,), whether it goes round,
 // and its slack (K,).

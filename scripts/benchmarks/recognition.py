@@ -12,7 +12,14 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.motion_files import read_cmu
-from benchmarks.performances import DISTURBED, Performance, other_bodies, other_persons, performers
+from benchmarks.performances import (
+    DISTURBED,
+    Performance,
+    everyday_persons,
+    other_bodies,
+    other_persons,
+    performers,
+)
 from benchmarks.recorded import recorded
 from tracker.foundation.arrays import Array32
 from tracker.results.evaluation.joints import read_joints
@@ -50,7 +57,8 @@ def compare(console: Console, tracked: bool, quick: bool) -> None:
         console.print("BODYTRACK_DATA is not set: no movements of other persons to recognize")
         return
     motions = Path(os.environ["BODYTRACK_DATA"]) / "motions" / "cmu"
-    asked = [*other_persons(motions), *other_bodies(quick), *performers(library, 1 if quick else 5)]
+    asked = [*other_persons(motions), *other_bodies(quick), *everyday_persons(quick)]
+    asked += performers(library, 1 if quick else 5)
     begin = time.process_time()
     answers = [(one, _named(one.course, recognize(one.course, library))) for one in asked]
     seconds = time.process_time() - begin

@@ -8,15 +8,16 @@ from tracker.foundation.arrays import Array32, Integers, Mask
 # Dynamic time warping of a recording onto the movements of a library, in one pass.
 
 
-def direction_gaps(queried: Array32, known: Array32, gaps: Array32) -> None:
-    """How far limbs point in different directions: root mean square angle between every two frames.
+def direction_gaps(queried: Array32, known: Array32, weights: Array32, gaps: Array32) -> None:
+    """How far limbs point in different directions: root of the weighted mean square angle between every two frames.
 
     Args:
         queried: (T, L, 3) unit directions of L limbs.
         known: (N, L, 3) the same of the frames of a library.
+        weights: (L,) what each limb counts, 1 in all.
         gaps: (T, N) receives degrees.
     """
-    native.direction_gaps(queried, known, gaps)
+    native.direction_gaps(queried, known, weights, gaps)
 
 
 def warp_sequence(

@@ -23,9 +23,18 @@ class Rule:
     """Share of a known movement's extent that the angles to it must stay below. The extent is what the best of its own
     poses would leave if it stood still: below 0.7, the movement explains more than half of the variance."""
 
-    least_limit_deg: float = 12.0
+    # See docs/lab/everyday_movements.md.
+    least_limit_deg: float = 16.0
     """The limit of a movement of small extent: how differently two persons stand. The walks of one person are 4 degrees
-    apart, of two persons 9 to 13."""
+    apart, of two persons 9 to 13; who stands with bent knees is 14 from the next one who stands."""
+
+    most_limit_deg: float = 32.0
+    """The limit of a movement of large extent. Without one, arms swung round explained the beginning of all that arms
+    do. The runs of two persons are 25 degrees apart."""
+
+    least_moved_deg: float = 10.0
+    """What a limb counts that does not move: as one that departs by so much from its mean direction. Of nine limbs that
+    count alike one that points or waves says little, and the postures of the others use up the limit."""
 
     evidence_s: float = 0.1
     """What a movement must be better than nothing, in seconds at no angle at all."""
@@ -68,6 +77,9 @@ class Variant:
     directions: Array32
     """(D, L, 3) of these; variants of several tempos share them."""
 
+    weights: Array32
+    """(L,) what each of these counts; they add up to 1."""
+
     shown: Integers
     """(F,) which of the D frames it shows, one after the other; those of a slow one are there twice."""
 
@@ -84,7 +96,9 @@ class Variant:
     """Frames; see `warp_sequence`."""
 
     least_size: float
-    """What is smaller is not told: half of the smallest variant."""
+    """What is smaller is not told: half of the smallest variant, or 0.7 of it where half a round is enough. The
+    beginning of a cartwheel is like half a round of a jumping jack 0.48 times as large; a person's run is 0.56 times as
+    large as another one's."""
 
     @property
     def least_frames(self) -> int:
@@ -117,7 +131,8 @@ def _of_performance(
 ) -> Iterator[Variant]:
     counted, features, rule = by
     repeats = movement.description.repeats
-    gaps = angles_between(directions[:, counted])
+    weights = weights_of(directions[:, counted], rule)
+    gaps = angles_between(directions[:, counted], weights)
     extent_deg, reach_deg = float(gaps.mean(axis=0).min()), float(gaps.max())
     returns = not repeats and gaps[0, -1] <= rule.least_limit_deg
     usual = directions.mean(axis=0) if repeats else directions[0]
@@ -125,7 +140,8 @@ def _of_performance(
     for size in sizes:
         swung = _swung(directions, usual, size)
         # a shallow movement is told from standing still by less; a deep one must be as like as the known one
-        limit_deg = max(rule.limit * extent_deg * (1.0 if repeats else min(size, 1.0)), rule.least_limit_deg)
+        share = rule.limit * (1.0 if repeats else min(size, 1.0))
+        limit_deg = min(max(share * extent_deg, rule.least_limit_deg), rule.most_limit_deg)
         for mirrored in (False, True) if features.partners else (False,):
             shown = features.mirrored(swung) if mirrored else swung
             own = [features.partners[n] for n in counted] if mirrored else counted
@@ -141,20 +157,31 @@ def _of_performance(
                     repeats,
                     frozen(own, np.int64),
                     frozen(shown[:, own], np.float32),
+                    weights,
                     frozen(at, np.int64),
                     tempo,
                     reach_deg,
                     limit_deg,
                     int(share * len(at)),
-                    min(sizes) / 2,
+                    (0.7 if repeats else 0.5) * min(sizes),
                 )
 
 
-def angles_between(directions: Array32) -> Array32:
+def weights_of(directions: Array32, rule: Rule) -> Array32:
+    """(L,) what limbs count in a movement (T, L, 3): the more, the further they leave their mean direction."""
+    mean = directions.mean(axis=0)
+    mean /= np.maximum(np.linalg.norm(mean, axis=-1, keepdims=True), 1e-6)
+    chords = np.linalg.norm(directions - mean, axis=-1)
+    moved_deg = np.degrees(np.sqrt(np.mean((2 * np.arcsin(np.minimum(chords / 2, 1))) ** 2, axis=0)))
+    counts = rule.least_moved_deg + moved_deg
+    return frozen(counts / counts.sum(), np.float32)
+
+
+def angles_between(directions: Array32, weights: Array32) -> Array32:
     """(T, T) angles between poses (T, L, 3), degrees; of many poses, between some."""
     some = frozen(directions[:: -(-len(directions) // _MOST_POSES)], np.float32)
     gaps = np.zeros((len(some), len(some)), dtype=np.float32)
-    direction_gaps(some, some, gaps)
+    direction_gaps(some, some, weights, gaps)
     return gaps
 
 
@@ -225,7 +252,7 @@ class Packed:
         for k, one in enumerate(self.variants):
             if one.directions is not last:
                 last, measured = one.directions, np.zeros((len(over), len(one.directions)), dtype=np.float32)
-                direction_gaps(frozen(course.directions[:, one.counted], np.float32), last, measured)
+                direction_gaps(frozen(course.directions[:, one.counted], np.float32), last, one.weights, measured)
             over[:, self.first[k] : self.first[k + 1]] = measured[:, one.shown] / np.float32(one.limit_deg)
         return over
 

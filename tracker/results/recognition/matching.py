@@ -153,7 +153,7 @@ def _size(course: Course, variant: Variant) -> float:
     """How far apart the most different poses are, times those of a known performance; NaN of one that does not move."""
     if variant.reach_deg == 0:
         return np.nan
-    return float(angles_between(course.directions[:, variant.counted]).max()) / variant.reach_deg
+    return float(angles_between(course.directions[:, variant.counted], variant.weights).max()) / variant.reach_deg
 
 
 def _joined(found: list[Recognized], library: Library) -> Iterator[Recognized]:
