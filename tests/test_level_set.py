@@ -134,7 +134,7 @@ def test_a_silhouette_made_smaller_stays_where_it_is(factor: int) -> None:
     """What images are made smaller by has the middle of each small pixel in the middle of its pixels."""
     mask = disc(301.3, 230.8, 90.0, (480, 640))
     frame = Frame(0, 0.0, (np.zeros((480, 640, 3), dtype=np.uint8),))
-    seen = around(Sight(frame), 0, mask, Reach(30.0, factor, texture=False))
+    seen = around(Sight(frame), 0, mask, Reach(30.0, factor, "colours"))
     assert seen is not None
     again = seen.uncut(seen.cut(mask), mask.shape)
     middles = [np.mean(np.nonzero(one), axis=1) for one in (again, mask)]
@@ -203,9 +203,9 @@ def displaced(scene: Scene, off_deg: float, off_m: float) -> Scene:
     return scene.with_pose(0, body.clamped(q + off(body, off_deg, off_m, seed=2)))
 
 
-def known_of(scene: Scene, sight: Sight) -> object:
+def known_of(scene: Scene, sight: Sight, evidence: LevelSetEvidence = EVIDENCE) -> object:
     trusted = np.ones((len(scene.rig), len(scene.shapes)), dtype=np.bool_)
-    return EVIDENCE.learned(None, sight, scene, CpuSynthesis().contours(scene), trusted)
+    return evidence.learned(None, sight, scene, CpuSynthesis().contours(scene), trusted)
 
 
 @pytest.mark.parametrize("way", ["threshold_dynamics", "descent"])
@@ -227,7 +227,7 @@ def test_densities_of_a_wrong_start_are_mended_by_what_they_find(truth, seen) ->
     guess = displaced(truth, 5.0, 0.03)
     found = []
     for adaptations in (0, 3):
-        evidence = LevelSetEvidence(adaptations=adaptations, shape=0.0)
+        evidence = LevelSetEvidence(adaptations=adaptations, shape=0.0, channels="colours")
         regions = evidence.regions(asked(guess, sight, evidence).observed, guess)
         found.append(np.mean([overlap(one, mask) for one, mask in zip(regions, masks, strict=True)]))
     assert found[1] > found[0] + 0.01
@@ -260,7 +260,7 @@ def test_it_is_compared_as_a_foreground_is(truth, seen) -> None:
     """Distances, equations and accounts are those of silhouettes given the same regions."""
     sight, _ = seen
     question, q = asked(truth, sight), truth.persons[0].q
-    given = replace(question, observed=SilhouetteEvidence().seen(EVIDENCE.regions(question.observed, truth)))
+    given = replace(question, observed=SilhouetteEvidence().seen(*EVIDENCE.drawn(question.observed, truth)))
     np.testing.assert_array_equal(EVIDENCE.distances(question, q[None]), SilhouetteEvidence().distances(given, q[None]))
     mine, theirs = EVIDENCE.equations(question, q, 20.0), SilhouetteEvidence().equations(given, q, 20.0)
     np.testing.assert_array_equal(mine.matrix, theirs.matrix)
@@ -269,13 +269,29 @@ def test_it_is_compared_as_a_foreground_is(truth, seen) -> None:
     assert account.by_view_px is None  # a contour drawn from the pose hides nothing
 
 
+@pytest.mark.parametrize("channels", ["appearance", "colours", "tensor"])
+def test_a_limb_that_the_shape_alone_holds_counts_neither_for_nor_against(truth, channels) -> None:
+    """The trunk stands out, the arm beside it looks as the wall does: the prior draws it, and the witness tells so."""
+    mask = np.zeros((240, 320), dtype=np.bool_)
+    mask[60:180, 100:160] = mask[80:104, 160:240] = True
+    image = np.full((240, 320, 3), (90, 110, 100), dtype=np.uint8)
+    image[60:180, 100:160] = (40, 40, 190)
+    sight, evidence = Sight(Frame(0, 0.0, (image,))), LevelSetEvidence(channels=channels, shape=0.3)
+    region, held = evidence._region(sight, 0, mask, None)
+    assert overlap(region, mask) > 0.9
+    assert held[86:98, 175:225].mean() > 0.9, "the arm"
+    assert held[70:170, 105:150].mean() == 0, "the trunk"
+    assert replace(evidence, witness=False)._region(sight, 0, mask, None)[1] is None
+
+
 def test_coupled_rounds_look_again_at_the_pose_found(truth, seen) -> None:
     """From a pose so far off that the first contour is drawn to it; the second one is drawn to a better one."""
     sight, _ = seen
     guess = displaced(truth, 8.0, 0.05)
     body, wanted = truth.persons[0].body, truth.persons[0].q
-    both = TogetherEvidence(of=(LevelSetEvidence(shape=0.2),), ranking=(1.0,), refining=(1.0,))
-    observed = both.observe(sight, CpuSynthesis().contours(guess), (known_of(truth, sight),))
+    papers = LevelSetEvidence(shape=0.2, channels="colours", witness=False)
+    both = TogetherEvidence(of=(papers,), ranking=(1.0,), refining=(1.0,))
+    observed = both.observe(sight, CpuSynthesis().contours(guess), (known_of(truth, sight, papers),))
     objective = Objective(Comparison(guess, 0, CpuSynthesis(), observed), both)
     gaps = []
     for estimation in (TwistIcpEstimation(), CoupledEstimation(rounds=3)):

@@ -41,10 +41,19 @@ _SCANNED = {"R-UpperBody": ("upper_body.toml", "acquisition/scan.toml")}
 """Recording -> configuration of its run, and of its model."""
 
 _TWISTS: Configuration = {"use": "twist_icp"}
+_COUPLED: Configuration = {"use": "coupled"}
+_SAMPLED: Configuration = {"use": "neighbours", "of": _TWISTS}
+_PAPERS: Configuration = {"use": "level_set", "channels": "colours", "witness": False}
+_LEVELS: Configuration = {"use": "level_set"}
 WAYS: dict[str, Configuration] = {
-    "level sets, twists: the paper's": {"evidence": {"use": "level_set"}, "estimation": _TWISTS},
-    "the same, coupled twice (eq. 4)": {"evidence": {"use": "level_set"}, "estimation": {"use": "coupled"}},
-    "level sets, segments vote for limbs": {"evidence": {"use": "level_set", "votes": True}, "estimation": _TWISTS},
+    "level sets, twists: the paper's": {"evidence": _PAPERS, "estimation": _TWISTS},
+    "the same, coupled twice (eq. 4)": {"evidence": _PAPERS, "estimation": _COUPLED},
+    "level sets, segments vote for limbs": {"evidence": _PAPERS | {"votes": True}, "estimation": _TWISTS},
+    "level sets, appearance": {"evidence": _LEVELS | {"witness": False}, "estimation": _TWISTS},
+    "level sets, appearance, witness": {"evidence": _LEVELS, "estimation": _TWISTS},
+    "level sets, appearance, witness, coupled": {"evidence": _LEVELS, "estimation": _COUPLED},
+    "level sets, appearance, witness, sampled": {"evidence": _LEVELS, "estimation": _SAMPLED},
+    "level sets, appearance, witness, weak prior": {"evidence": _LEVELS | {"shape": 0.01}, "estimation": _TWISTS},
     "colours on lines, twists": {"evidence": {"use": "regions"}, "estimation": _TWISTS},
     "edges, twists": {"evidence": {"use": "contours"}, "estimation": _TWISTS},
     "configuration of its own": {},

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from typing import Literal
 
 import cv2
 import numpy as np
 
 from tracker.foundation.arrays import Array32, Image, Mask, Region
+from tracker.images.operations.appearance import appearance
 from tracker.images.operations.level_set import (
     Codes,
     Densities,
@@ -19,6 +21,9 @@ from tracker.images.operations.level_set import (
 )
 from tracker.images.sight import Sight
 from tracker.kernels.pictures import cover_shares
+
+Channels = Literal["appearance", "colours", "tensor"]
+"""Lightness, chroma and texture in one table; or blue, green and red; or these and the structure tensor beside them."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +36,8 @@ class Reach:
     factor: int
     """How many pixels of the image one of the small picture is, along each side."""
 
-    texture: bool
-    """Whether the structure tensor is looked at besides colours."""
+    channels: Channels
+    """What is looked at of a pixel."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +81,7 @@ def around(sight: Sight, v: int, silhouette: Mask, reach: Reach) -> Around | Non
     if image is None or not silhouette.any():
         return None
     wanted = _aligned(silhouette, int(reach.around_px) + 2 * reach.factor, reach.factor)
-    key = Around, reach.factor, reach.texture
+    key = Around, reach.factor, reach.channels
     region, codes = sight.once(key, v, wanted, partial(_encoded, image, reach))
     small_px = reach.around_px / reach.factor
     prior = signed_distance(_cut(silhouette, region, reach.factor), 2 * small_px)
@@ -106,8 +111,17 @@ def _aligned(silhouette: Mask, margin: int, factor: int) -> Region:
 def _encoded(image: Image, reach: Reach, region: Region) -> tuple[Region, Codes]:
     """The features of a part of an image made smaller."""
     x, y, width, height = region
-    part = image[y : y + height, x : x + width]
-    if reach.factor > 1:
-        size = width // reach.factor, height // reach.factor
-        part = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
-    return region, (colour_codes(part), texture_codes(part)) if reach.texture else (colour_codes(part),)
+    size = width // reach.factor, height // reach.factor
+    if reach.channels == "appearance":
+        looks = appearance(image, region)
+        small = _smaller(looks, size)
+        # of texture the classes are told, which have no mean
+        small[..., 2] = looks[reach.factor // 2 :: reach.factor, reach.factor // 2 :: reach.factor, 2]
+        return region, (colour_codes(small),)
+    part = _smaller(image[y : y + height, x : x + width], size)
+    return region, (colour_codes(part), texture_codes(part)) if reach.channels == "tensor" else (colour_codes(part),)
+
+
+def _smaller(part: Image, size: tuple[int, int]) -> Image:
+    """A part of an image of such a width and height, px."""
+    return part if part.shape[1::-1] == size else cv2.resize(part, size, interpolation=cv2.INTER_AREA)

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+import cv2
 import numpy as np
 import pydantic
 
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
 from tracker.evidence import GUESSED, EvidencePicture, Memory, Observed
-from tracker.evidence._around import Around, Reach, around
+from tracker.evidence._around import Around, Channels, Reach, around
 from tracker.evidence.measures.account import Account
 from tracker.evidence.measures.correspondences import Equations
 from tracker.evidence.measures.outlines import Comparison
@@ -32,6 +33,9 @@ _LEAST_SHARE, _MOST_SHARE = 0.5, 2.0
 _TRUSTED = 0.5
 """Share of the parts that must be trusted for the frame to teach anything."""
 
+_APART = np.ones((3, 3), dtype=np.uint8)
+"""What two contours differ by at least, px of the small picture, to be apart."""
+
 Learned = tuple[Densities | None, ...]
 """What is known of each view."""
 
@@ -50,7 +54,7 @@ class ObservedLevels:
     def foregrounds(self, scene: Scene, by: LevelSetEvidence) -> Foregrounds:
         """The regions of all persons of a scene at about the predicted poses."""
         if not self._found:
-            self._found.append(by.seen(by.regions(self, scene)))
+            self._found.append(by.seen(*by.drawn(self, scene)))
         return self._found[0]
 
 
@@ -71,8 +75,13 @@ class LevelSetEvidence(SilhouetteEvidence):
     shape: float = pydantic.Field(default=0.03, ge=0)
     """Weight lambda of the model's shape, odds a px^2: at 10 px from the model's outline it is worth 1.5 of odds."""
 
-    texture: bool = False
-    """Whether the structure tensor is looked at besides colours; on four recordings it changed nothing."""
+    channels: Channels = "appearance"
+    """What is looked at of a pixel: its appearance, as by evidence of colours; `colours`, the paper's, blue, green
+    and red; or `tensor`, the structure tensor besides these."""
+
+    witness: bool = True
+    """Draw a contour without the model's shape beside it: where only the shape holds the contour, it tells nothing of
+    the pose, and counts neither for nor against one."""
 
     adaptations: int = pydantic.Field(default=0, ge=0)
     """How often in a frame the densities are estimated anew from the contour found (EM), and it from them."""
@@ -132,19 +141,26 @@ class LevelSetEvidence(SilhouetteEvidence):
         )
 
     def regions(self, seen: ObservedLevels, scene: Scene) -> tuple[Mask | None, ...]:
-        """(H, W) the region of the persons in every view; None where nothing can be said.
+        """(H, W) the region of the persons in every view; see `drawn`."""
+        return self.drawn(seen, scene)[0]
+
+    def drawn(self, seen: ObservedLevels, scene: Scene) -> tuple[tuple[Mask | None, ...], tuple[Mask | None, ...]]:
+        """(H, W) the region of the persons in every view, and where it is held by the model's shape alone.
+
+        None where nothing can be said.
 
         Args:
             seen: the frame, and what is known.
             scene: the persons at about the poses expected.
         """
         if seen.blind:
-            return (None,) * len(scene.rig)
+            return ((None,) * len(scene.rig),) * 2
         known = seen.memory or (None,) * len(scene.rig)
         silhouettes = CpuSynthesis().silhouettes(scene)
-        return tuple(
+        found = [
             self._region(seen.sight, v, mask, one) for v, (mask, one) in enumerate(zip(silhouettes, known, strict=True))
-        )
+        ]
+        return tuple(region for region, _ in found), tuple(held for _, held in found)
 
     def _put(self, asked: Comparison) -> Comparison:
         """The question as it is put to silhouettes."""
@@ -169,22 +185,29 @@ class LevelSetEvidence(SilhouetteEvidence):
         start, forces = found.cut(masks[0]), self._forces(found, known)
         return tuple(found.uncut(self._drawn(start, forces, n), masks[1].shape) for n in n_steps)
 
-    def _region(self, sight: Sight, v: int, silhouette: Mask, known: Densities | None) -> Mask | None:
+    def _region(
+        self, sight: Sight, v: int, silhouette: Mask, known: Densities | None
+    ) -> tuple[Mask | None, Mask | None]:
         found = self._around(sight, v, silhouette)
         if found is None:
-            return None
+            return None, None
         start = found.prior > 0
         known = known or found.taught(start)
         if known is None:
-            return None
+            return None, None
         region = self._drawn(start, self._forces(found, known))
         for _ in range(self.adaptations):
             known = found.taught(region) or known
             region = self._drawn(start, self._forces(found, known))
         share = np.count_nonzero(region) / max(int(np.count_nonzero(start)), 1)
         if not _LEAST_SHARE <= share <= _MOST_SHARE:
-            return None
-        return found.uncut(region, silhouette.shape)
+            return None, None
+        shape, held = silhouette.shape, None
+        if self.witness:
+            alone = self._drawn(start, replace(self._forces(found, known), prior=None))
+            apart = cv2.morphologyEx((region ^ alone).view(np.uint8), cv2.MORPH_OPEN, _APART)
+            held = found.uncut(apart > 0, shape)
+        return found.uncut(region, shape), held
 
     def _forces(self, seen: Around, known: Densities) -> Forces:
         odds = np.where(seen.near, known.log_odds(seen.codes), np.float32(-_STRANGE))
@@ -204,4 +227,4 @@ class LevelSetEvidence(SilhouetteEvidence):
 
     def _around(self, sight: Sight, v: int, silhouette: Mask) -> Around | None:
         factor = max(1, round(max(silhouette.shape) / self.longest_px))
-        return around(sight, v, silhouette, Reach(self.around_px, factor, self.texture))
+        return around(sight, v, silhouette, Reach(self.around_px, factor, self.channels))
