@@ -21,6 +21,7 @@ from benchmarks import poses as pose_rates
 from benchmarks import recognition as known_movements
 from benchmarks import recordings as tracked_recordings
 from benchmarks import refinements as compiled_refinements
+from benchmarks import robots as described_robots
 from benchmarks import robustness as survival
 from benchmarks import scores_picture
 from benchmarks import segmentation as level_sets
@@ -100,6 +101,20 @@ def robustness(
 ) -> None:
     """What the tracking survives: low frame rates, clutter, missing views, wrong bodies, wrong starts."""
     survival.compare(console, only, quick, trace)
+
+
+@app.command()
+def robots(
+    files: Annotated[list[Path], typer.Argument(help="Descriptions: URDF or MJCF.")],
+    free: Annotated[str, typer.Option(help="Names, without suffix, of those whose base moves about.")] = "",
+    quick: Quick = False,
+) -> None:
+    """Robots of public descriptions, simulated and tracked: our way beside the way of M3T, at two frame rates."""
+    try:
+        described_robots.compare(console, files, tuple(free.split(",")), quick)
+    except TrackerError as error:
+        print_error(error)
+        raise typer.Exit(2) from None
 
 
 @app.command()

@@ -167,6 +167,21 @@ def test_following_prints_its_columns(
     assert len(re.findall("^│", printed, re.MULTILINE)) >= 8
 
 
+def test_a_robot_is_tracked_in_both_ways(benchmark_here: Callable[..., str], tmp_path: Path) -> None:
+    bar = '<visual><origin xyz="0 0 0.2"/><geometry><box size="{0} {0} 0.4"/></geometry></visual>'
+    links = [f'<link name="{name}">{bar.format(width)}</link>' for name, width in (("post", 0.12), ("arm", 0.08))]
+    joint = (
+        '<joint name="lift" type="revolute"><parent link="post"/><child link="arm"/><origin xyz="0 0 0.4"/>'
+        '<axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+    )
+    file = tmp_path / "crane.urdf"
+    file.write_text(f'<robot name="crane">{"".join(links)}{joint}</robot>')
+    rows = [line.split("│") for line in benchmark_here("robots", str(file)).splitlines() if line.startswith("│")]
+    ways = {(row[2].strip(), row[3].strip()): row for row in rows}
+    assert len(ways) == 2 * 3
+    assert float(ways["25", "ours"][6]) < 2 > float(ways["25", "as M3T"][6])
+
+
 @pytest.mark.parametrize("name", ["recognition", "follow"])
 def test_what_benchmarks_lack_is_said(
     name: str, benchmark_here: Callable[..., str], monkeypatch: pytest.MonkeyPatch

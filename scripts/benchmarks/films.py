@@ -83,6 +83,7 @@ CONDITIONS = {
     "noisy": Condition(Recipe(noise_grey=10.0)),
     "dark": Condition(Recipe(light=0.35)),
     "out_of_step": Condition(Recipe(delays_s=(0.0, 0.013, -0.008, 0.019))),
+    "late": Condition(Recipe(delays_s=(0.0, 0.012, 0.024, 0.056))),
     "compressed": Condition(Recipe(constant_rate_factor=33)),
     "turned_cameras": Condition(turned_deg=0.2),
     "repeated": Condition(repeats=True),
