@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import http.server
+import itertools
 import json
 import threading
 import time
@@ -69,6 +70,20 @@ def test_what_comes_while_a_frame_is_at_work_is_dropped_and_counted(numbered: Pa
     assert opened.counts.dropped == last + 1 - opened.counts.tracked > 8
     assert time.monotonic() - begin < 3, "nothing was queued"
     assert f"{opened.counts.dropped} dropped that came meanwhile" in opened.counts.told()
+
+
+def test_who_was_busy_for_long_is_led_back_to_now_in_steps(numbered: Path) -> None:
+    """Or whoever moves on while a start is looked for would be lost in the next frame."""
+    numbers, longest = [], round(_cameras._STRIDE_S * FPS) + 1
+    for frame in films(numbered).open().frames():
+        views, shown = zip(*(seen(image) for image in frame.images), strict=True)
+        assert (views, set(shown)) == ((0, 1, 2), {frame.index}), "images of one moment"
+        numbers.append(frame.index)
+        time.sleep(0.6 if frame.index == 0 else 0.01)
+    steps = [after - before for before, after in itertools.pairwise(numbers)]
+    assert longest >= max(steps) > 1
+    assert numbers[-1] >= N_FRAMES - 2
+    assert len(numbers) < N_FRAMES, "those between the steps are dropped"
 
 
 def test_it_ends_when_its_time_is_over(numbered: Path) -> None:

@@ -23,6 +23,14 @@ from tracker.images.reading._video_view import FAULTS, Converter, Decoded
 _KEPT = 8
 """Newest images of a camera: those of one moment are found among them though cameras do not release together."""
 
+_STRIDE_S = 0.2
+"""Longest time from a frame to the next one while there are images between them. A start takes seconds: who has walked
+on meanwhile was lost in the newest image, looked for anew, and so on: 7 of 469 frames were tracked in 19 s, and 59 so
+(docs/cameras.md)."""
+
+_BEHIND = 50
+"""Older images of a camera, so far apart, that are kept: a run is ten seconds behind at most."""
+
 _SILENT_S = 5.0
 """Time without an image after which a camera counts as gone."""
 
@@ -118,6 +126,7 @@ class Camera(threading.Thread):
         """
         super().__init__(daemon=True, name=f"camera {source.view}")
         self.newest: deque[Arrived] = deque(maxlen=_KEPT)
+        self.earlier: deque[Arrived] = deque(maxlen=_BEHIND)
         self.ended = False
         self.fault: SequenceError | None = None
         self._source, self._arrived, self._together = source, arrived, together
@@ -147,9 +156,20 @@ class Camera(threading.Thread):
             if self._stopped.is_set():
                 return
             with self._arrived:
+                if len(self.newest) == _KEPT:
+                    self._keep(self.newest[0])
                 # a film tells of which moment an image is, even where this machine is too slow to play it
                 self.newest.append(Arrived(time.monotonic() if due_s is None else begin_s + due_s, number, image))
                 self._arrived.notify_all()
+
+    def _keep(self, image: Arrived) -> None:
+        """Keeps the first image of each `_STRIDE_S` of the clock, which is about the same moment in all cameras."""
+        if not self.earlier or image.time_s // _STRIDE_S > self.earlier[-1].time_s // _STRIDE_S:
+            self.earlier.append(image)
+
+    def after(self, time_s: float) -> list[Arrived]:
+        """The images that are kept of later than a time, in order."""
+        return [one for one in (*self.earlier, *self.newest) if one.time_s > time_s]
 
     def stop(self) -> None:
         """Reads no more."""
@@ -192,7 +212,7 @@ class Cameras:
             camera.stop()
 
     def newest(self) -> Moment | None:
-        """The newest images of all views that were not taken yet; None at the end of films.
+        """The newest images of all views that were not taken yet, or those a step on towards them; None at films' end.
 
         Raises:
             SequenceError: a camera cannot be read, or is silent.
@@ -214,17 +234,25 @@ class Cameras:
         over = any(c.ended and (c.fault or not new) for c, new in zip(self._cameras, fresh, strict=True))
         return over or all(fresh)
 
+    @property
+    def _begun(self) -> bool:
+        """Whether images were taken before."""
+        return min(self._taken) > float("-inf")
+
     @staticmethod
     def _is_new(camera: Camera, taken_s: float) -> bool:
         return bool(camera.newest) and camera.newest[-1].time_s > taken_s
 
     def _of_one_moment(self) -> Moment:
-        """Of each view the image that arrived nearest to the newest one of the view that is last."""
-        moment_s = min(camera.newest[-1].time_s for camera in self._cameras)
-        chosen = []
-        for camera, taken_s in zip(self._cameras, self._taken, strict=True):
-            fresh = (one for one in camera.newest if one.time_s > taken_s)
-            chosen.append(min(fresh, key=lambda one: abs(one.time_s - moment_s)))
+        """Of each view the image that arrived nearest to the newest one of the view that is last.
+
+        Where that is more than a step on from those taken last, nearest to an image of this view a step on.
+        """
+        fresh = [camera.after(taken_s) for camera, taken_s in zip(self._cameras, self._taken, strict=True)]
+        last = min(fresh, key=lambda images: images[-1].time_s)
+        moment_s = min(last[-1].time_s, max(self._taken) + _STRIDE_S) if self._begun else last[-1].time_s
+        moment_s = min(last, key=lambda one: abs(one.time_s - moment_s)).time_s
+        chosen = [min(images, key=lambda one: abs(one.time_s - moment_s)) for images in fresh]
         self._taken = [one.time_s for one in chosen]
         images = tuple(one.image for one in chosen)
         return Moment(moment_s, images, max(self._taken) - min(self._taken), min(one.number for one in chosen))

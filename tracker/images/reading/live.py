@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -141,12 +142,31 @@ class LiveCounts:
     apart_ms: float = 0.0
     """Longest time between the images of one frame."""
 
+    latency_s: float = 0.0
+    """From the arrival of a frame's images to its poses, on average of all frames."""
+
+    latest_s: float = 0.0
+    """The same of the last frame."""
+
+    done_frames: int = 0
+    """Those whose poses are there."""
+
+    begin_s: float = 0.0
+    """When the first frame arrived, by the clock."""
+
+    def done(self, time_s: float) -> None:
+        """The poses of the frame at a time, seconds from the first one, are there."""
+        self.latest_s = time.monotonic() - self.begin_s - time_s
+        self.done_frames += 1
+        self.latency_s += (self.latest_s - self.latency_s) / self.done_frames
+
     def told(self) -> str:
         """One line."""
         apart = f"images of one frame are up to {self.apart_ms:.0f} ms apart"
         return (
             f"live: {self.tracked} frames in {self.seconds:.1f} s, {self.dropped} dropped that came meanwhile "
-            f"({100 * self.dropped / max(self.tracked + self.dropped, 1):.0f} %); {apart}"
+            f"({100 * self.dropped / max(self.tracked + self.dropped, 1):.0f} %); poses came {self.latency_s:.1f} s "
+            f"after their images on average, the last ones {self.latest_s:.1f} s; {apart}"
         )
 
 
@@ -197,7 +217,7 @@ class LiveSequence:
         begin_s, last = None, -1
         with Cameras(self.sources) as cameras:
             while (moment := cameras.newest()) is not None:
-                begin_s = moment.time_s if begin_s is None else begin_s
+                begin_s = self.counts.begin_s = moment.time_s if begin_s is None else begin_s
                 time_s = moment.time_s - begin_s
                 if time_s > self.seconds:
                     return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import dropwhile, islice
 from pathlib import Path
@@ -23,8 +23,9 @@ from tracker.images.plate import threshold_level
 from tracker.images.reading import Reading, Sequence, later
 from tracker.images.reading.live import LiveCounts, counts_of
 from tracker.tracking.cycle import Cycle
+from tracker.tracking.trajectory import Step
 
-__all__ = ["LiveCounts", "counts_of", "is_live", "patiently", "settings_missing"]
+__all__ = ["LiveCounts", "counts_of", "is_live", "patiently", "settings_missing", "timed"]
 
 
 def is_live(read: Any) -> bool:
@@ -45,6 +46,13 @@ def settings_missing(job: Any) -> Iterator[str]:
         yield "no smoothing (`bodytrack result smooth` afterwards)"
     if job.keypoints is not None:
         yield "no keypoints"
+
+
+def timed(steps: Iterable[Step], counts: LiveCounts) -> Iterator[Step]:
+    """The steps as they come, counted when their poses are there."""
+    for step in steps:
+        counts.done(step.frame.time_s)
+        yield step
 
 
 def patiently(cycle: Cycle, sequence: Sequence) -> Cycle:
