@@ -20,7 +20,7 @@ from tracker.results.alignment._equations import by_turn, without_common_motion
 from tracker.results.alignment.adjustment import FEWEST, align, in_step, turned
 from tracker.results.alignment.moments import MOST_MOMENTS, Tracked, chosen_moments, moments_of, rates_of
 from tracker.running.aligned_result import described
-from tracker.running.jobs._recorded import told_of_views
+from tracker.running.jobs._recorded import compared_views
 from tracker.synthesis.simulation.movements import poses_of
 from tracker.synthesis.simulation.sequence import Recipe, simulate
 from tracker.tracking.initialization._person_sized import enlarged
@@ -284,7 +284,8 @@ def told_of(simulation, images, lost=()):
     """The one line that a run says of views between which nothing is found."""
     frames, told = tracked(simulation, lost=lost), []
     steps = [SimpleNamespace(frame=frame, estimates=one.estimates) for frame, one in zip(images, frames, strict=True)]
-    assert told_of_views(steps, simulation.scene, 1 / FPS, lambda line, *_: told.append(line)) == ()
+    found = compared_views(steps, simulation.scene, 1 / FPS, lambda line, *_: told.append(line))
+    assert found.findings() == ()
     (line,) = told
     return line
 

@@ -6,6 +6,7 @@ import html
 import json
 import shutil
 
+import numpy as np
 import pytest
 from test_alignment import DELAYS_S, FPS
 from test_run import killed_after
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 from tracker.acquisition.calibrated_views import ViewSettings
 from tracker.acquisition.fitting import FitSettings
 from tracker.cameras.rig_layouts import load_rig
+from tracker.results.evaluation.joints import read_joints
 from tracker.results.result import load_result
 from tracker.running.cli import app
 from tracker.running.viewing.images import reading_of
@@ -60,14 +62,6 @@ def test_a_run_tells_that_views_are_out_of_step(run_out_of_step):
     assert any("out of step" in line for line in json.loads((folder / "run.json").read_text())["findings"])
 
 
-def test_a_resumed_run_knows_that_views_are_out_of_step(run_out_of_step, tmp_path):
-    """Poses that bodies were fitted at are then not refined, in whichever run."""
-    folder, _ = run_out_of_step
-    part = killed_after(12, folder, tmp_path / "part")
-    ran(folder.parent / "recording" / "config.toml", part, *FITTED, options=["--resume"])
-    assert (part / "poses.csv").read_bytes() == (folder / "poses.csv").read_bytes()
-
-
 def test_a_run_whose_bodies_are_not_fitted_is_asked_at_its_end(run_out_of_step, tmp_path):
     """Also then its files say so."""
     folder, _ = run_out_of_step
@@ -106,3 +100,38 @@ def test_the_command_writes_poses_at_one_moment_and_a_rig(run_out_of_step, tmp_p
     assert "in_step is not empty: choose another --output" in str(again.exception)
     assert "views, by" not in again.output, "refused before the views are compared"
     assert not (tmp_path / "another.toml").exists()
+
+
+@pytest.fixture(scope="module")
+def run_brought(run_out_of_step, tmp_path_factory):
+    """The same run, which may bring its poses to one moment."""
+    recording = run_out_of_step[0].parent / "recording" / "config.toml"
+    folder = tmp_path_factory.mktemp("brought") / "result"
+    return folder, ran(recording, folder, *FITTED, "reading.in_step=auto")
+
+
+def off_mm(folder, truth):
+    """Of the joints of a result on average, without those of its first and last frames."""
+    found = read_joints(folder / "joints.csv").persons["person1"]
+    true = read_joints(truth).persons["person1"]
+    gaps = [np.array(found[t][name]) - true[t][name] for t in range(3, 27) for name in found[t] if name in true[t]]
+    return 1000 * np.linalg.norm(gaps, axis=1).mean()
+
+
+def test_a_run_brings_its_poses_to_one_moment(run_out_of_step, run_brought):
+    (before, _), (folder, output) = run_out_of_step, run_brought
+    truth = before.parent / "recording" / "truth_joints.csv"
+    assert "poses are those of the first view's moment" in output
+    late = [view["late_ms"] for view in json.loads((folder / "run.json").read_text())["alignment"].values()]
+    assert late == pytest.approx([1000 * delay for delay in DELAYS_S], abs=10), "by poses of a body not fitted yet"
+    assert json.loads((before / "run.json").read_text())["alignment"] == {}
+    assert off_mm(folder, truth) < 0.7 * off_mm(before, truth)
+    assert len(load_result(folder).frames) == 30
+
+
+def test_a_resumed_run_goes_on_from_the_poses_as_tracked(run_out_of_step, run_brought, tmp_path):
+    folder, _ = run_brought
+    part = killed_after(12, folder, tmp_path / "part")
+    recording = run_out_of_step[0].parent / "recording" / "config.toml"
+    ran(recording, part, *FITTED, "reading.in_step=auto", options=["--resume"])
+    assert (part / "poses.csv").read_bytes() == (folder / "poses.csv").read_bytes()

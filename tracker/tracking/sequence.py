@@ -199,10 +199,10 @@ def replayed(frame: Frame, scene: Scene, cycle: Cycle, replay: Replay, start: St
         replay: the estimates.
         start: what was found, where a start was looked for in this frame.
     """
-    scene = scene.with_poses(tuple(estimate.q for estimate in replay.estimates))
+    scene = scene.with_poses(tuple(estimate.q for estimate in replay.tracked))
     fitted = cycle.synthesis.contours(scene)
     compared = replay.overlap is not None
-    model_px = covered_px(cycle.synthesis.silhouettes(scene) if compared else (), replay.estimates)
-    step = Step(frame, scene, replay.estimates, fitted, dict(replay.seconds), replay.overlap)
+    model_px = covered_px(cycle.synthesis.silhouettes(scene) if compared else (), replay.tracked)
+    step = Step(frame, scene, replay.tracked, fitted, dict(replay.seconds), replay.overlap)
     step = replace(step, model_px=model_px, untrusted=replay.untrusted, strangers=replay.strangers)
     return replace(step, start=start, told_confidence=replay.start_confidence)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -57,6 +57,10 @@ class Step:
     provisional: bool = False
     """Whether a second pass would have followed, had the run not been interrupted: a resumed run does it again."""
 
+    as_tracked: tuple[Array, ...] = ()
+    """For each person the pose (dof,) that tracking goes on from, where `estimates` were brought to another moment;
+    empty where they are it."""
+
     told_confidence: tuple[float, ...] = ()
     """Its `start_confidence`, where the start itself is not known any more: a journal does not keep it."""
 
@@ -92,6 +96,15 @@ class Replay:
 
     start_confidence: tuple[float, ...] = ()
     """As in `Step`."""
+
+    as_tracked: tuple[Array, ...] = ()
+    """As in `Step`."""
+
+    @property
+    def tracked(self) -> tuple[Estimate, ...]:
+        """The estimates that tracking goes on from."""
+        pairs = zip(self.estimates, self.as_tracked, strict=bool(self.as_tracked))
+        return tuple(replace(one, q=q) for one, q in pairs) if self.as_tracked else self.estimates
 
 
 # Weight of a new frame in what is usual: half of it is forgotten in 6 frames.

@@ -36,6 +36,6 @@ class TimingInspection:
             if part := float(found.part[v]):
                 yield (
                     f'view "{name}" looks {abs(part):.1f} frames {"late" if part > 0 else "early"} against the others, '
-                    "which whole frames cannot correct: bodytrack result align RESULT tells how much, and brings poses "
-                    "to one moment"
+                    "which whole frames cannot correct: the persons tell how much, and poses are brought to one moment "
+                    "by the run, or by bodytrack result align RESULT"
                 )

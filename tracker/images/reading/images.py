@@ -53,7 +53,8 @@ class ImageReading:
     in_step: Literal["auto", "long", "off"] = "auto"
     """"auto": a run looks in its first 100 frames by how many what moves is late in each view, and corrects that by
     `offsets`. "long": it looks at 1000 frames, in which clocks of other rates show. "off": views are paired as they
-    are."""
+    are, and poses stay as tracked. Else those of views that the person shows to be late by parts of a frame are brought
+    to the first view's moment."""
 
     background: PlatePattern | None = None
     """Clean plates: images or short clips, for instance `background/{view}.png`. Where nothing is said: what most

@@ -60,7 +60,9 @@ class VideoReading:
     in_step: Literal["auto", "long", "off"] = "auto"
     """"auto": times that Caliscope or FreeMoCap has written beside its videos pair their images, and a run looks in its
     first 100 frames by how many what moves is late in each view, and corrects that by `offsets`. "long": it looks at
-    1000 frames, in which clocks of other rates show. "off": views are paired as they are."""
+    1000 frames, in which clocks of other rates show. "off": views are paired as they are,
+    and poses stay as tracked. Else those of views that the person shows to be late by parts of a frame are brought to
+    the first view's moment."""
 
     background: PlatePattern | None = None
     """Clean plates: images or short clips, for instance `background/{view}.png`. Where nothing is said: what most

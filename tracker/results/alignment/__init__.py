@@ -40,6 +40,9 @@ _CHANGED_FRAMES = 0.5
 _SURE = 5.0
 """Standard deviations that all are told from."""
 
+_TO_BRING = "bring the poses to one moment with `bodytrack result align RESULT`"
+_BROUGHT = "poses are those of the first view's moment; better synchronize the cameras"
+
 
 @dataclass(frozen=True)
 class DelayChange:
@@ -66,15 +69,15 @@ class DelayChange:
         """Whether a view's delay changes, beyond doubt, by what is no scatter of frames."""
         return bool((np.abs(self.steps_s) > np.maximum(_CHANGED_FRAMES * interval_s, _SURE * self.sigmas_s)).any())
 
-    def told(self, names: tuple[str, ...]) -> str:
-        """The finding, in one line."""
+    def told(self, names: tuple[str, ...], brought: bool = False) -> str:
+        """The finding, in one line; see `ViewAlignment.findings`."""
         last, first = self.between
         v = int(np.argmax(np.abs(self.steps_s)))
         step_ms = 1000 * float(self.steps_s[v])
         return (
             f"{names[v]} runs {abs(step_ms):.0f} ms {'later' if step_ms > 0 else 'earlier'} from some frame between "
             f"{last} and {first} on than before: it dropped or repeated frames, or its clock is another one; "
-            "repair its images, or bring the poses to one moment with `bodytrack result align RESULT`"
+            f"{_BROUGHT if brought else 'repair its images, or ' + _TO_BRING}"
         )
 
 
@@ -158,17 +161,21 @@ class ViewAlignment:
         least = np.maximum(_TURNED_PX, _SURE * sigmas)
         return tuple(name for name, px, low in zip(self.rig.names, self.turned_px, least, strict=True) if px > low)
 
-    def findings(self) -> tuple[str, ...]:
-        """What can hardly be right, in one line each, and what to do; none where all is as it should be."""
+    def findings(self, brought: bool = False) -> tuple[str, ...]:
+        """What can hardly be right, in one line each, and what to do; none where all is as it should be.
+
+        Args:
+            brought: the run has brought its poses to the moment of the first view.
+        """
         told = []
         if self.change is not None:
-            told.append(self.change.told(self.rig.names))
+            told.append(self.change.told(self.rig.names, brought))
         elif self.out_of_step:
             first, *others = self.rig.names
             late = ", ".join(f"{n} {1000 * s:+.0f} ms" for n, s in zip(others, self.delays_s[1:], strict=True))
             told.append(
-                f"views are out of step with {first} by parts of a frame: {late}; synchronize the cameras, or bring "
-                "the poses to one moment with `bodytrack result align RESULT`"
+                f"views are out of step with {first} by parts of a frame: {late}; "
+                f"{_BROUGHT if brought else 'synchronize the cameras, or ' + _TO_BRING}"
             )
         if self.turned:
             degrees = np.degrees(np.linalg.norm(self.turns, axis=1))

@@ -240,13 +240,18 @@ def in_step(
         posed = scene.with_poses(tuple(estimate.q for estimate in estimates))
         for k, estimate in enumerate(estimates):
             if not estimate.lost:
-                q = _at_one_moment(Moment(frame, posed, k, rates[k][t]), found.delays_at(frame.index))
+                q = at_one_moment(Moment(frame, posed, k, rates[k][t]), found.delays_at(frame.index))
                 estimates[k] = replace(estimate, q=q)
         yield frame.index, tuple(estimates)
 
 
-def _at_one_moment(moment: Moment, delays_s: Array) -> Array:
-    """(dof,) the pose of a person when the first view looks."""
+def at_one_moment(moment: Moment, delays_s: Array) -> Array:
+    """(dof,) the pose of a person when the first view looks.
+
+    Args:
+        moment: the images, the pose as tracked and how it moves.
+        delays_s: (V,) how much later than the first view each one looks.
+    """
     person, looks = moment.scene.persons[moment.person], looks_of(moment)
     spread = np.where(person.body.rotates, *POSE_SPREAD)
     q = person.q

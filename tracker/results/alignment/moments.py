@@ -83,6 +83,18 @@ def rates_of(body: BodyModel, frames: Sequence[Tracked], person: int) -> Array:
     return frozen(rates)
 
 
+def rates_at(body: BodyModel, frames: Sequence[Tracked], person: int, place: int) -> Array:
+    """(2, dof) the rates of one of some frames in turn, see `rates_of`; 0 where nothing tells.
+
+    Of the first and the last frame those of the frame beside it, which their acceleration carries on.
+    """
+    rates = np.nan_to_num(rates_of(body, frames, person))
+    beside = min(max(place, 1), max(len(frames) - 2, 0))
+    velocities, accelerations = rates[beside]
+    since_s = frames[place].time_s - frames[beside].time_s
+    return frozen([velocities + since_s * accelerations, accelerations])
+
+
 def _steps(body: BodyModel, poses: Array, width: int) -> tuple[Array, Array]:
     """From so many frames before each frame to as many after it, and by how much both differ from it; angles unwound.
 

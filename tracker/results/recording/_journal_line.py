@@ -179,6 +179,7 @@ def replay_of(line: bytes) -> Replay:
         untrusted={int(v): str(fault) for v, fault in entry["untrusted"].items()},
         strangers=bool(entry.get("strangers", False)),
         start_confidence=_confidences(entry.get("start_confidence", [])),
+        as_tracked=_poses(entry.get("as_tracked", []), entry["estimates"]),
     )
 
 
@@ -192,7 +193,17 @@ def _line(step: Step) -> dict[str, Any]:
         **({"strangers": True} if step.strangers else {}),
         **({"start_confidence": list(step.start_confidence)} if step.start_confidence else {}),
         "estimates": [_to_json(estimate) for estimate in step.estimates],
+        **({"as_tracked": [_packed(q) for q in step.as_tracked]} if step.as_tracked else {}),
     }
+
+
+def _poses(values: list[Any], estimates: list[Any]) -> tuple[Array, ...]:
+    """Poses beside those of as many estimates; none where there are none."""
+    poses = tuple(map(_unpacked, values))
+    fit = [len(q) == len(_unpacked(one["q"])) for q, one in zip(poses, estimates, strict=False)]
+    if poses and (len(poses) != len(estimates) or not all(fit) or not all(np.isfinite(q).all() for q in poses)):
+        raise SequenceError("poses as tracked that are not those of the estimates")
+    return poses
 
 
 def _confidences(values: list[Any]) -> tuple[float, ...]:

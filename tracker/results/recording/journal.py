@@ -30,7 +30,8 @@ class Journal:
     Arrays are little-endian float64 in base 85, as Python's `base64.b85decode` reads them; `variances` are bfloat16,
     `correlations` are partial ones in small steps, compressed (zlib): see `tracker.results.recording._journal_line`.
     `account` is compressed, too: distances of the views, then four numbers a part, as `measures.account.Account` has
-    them; `not_shown` and `hidden` list view and part.
+    them; `not_shown` and `hidden` list view and part. `as_tracked` are the poses that tracking goes on from, where
+    those of the estimates were brought to another moment.
     """
 
     def begin(self, run: RunContext) -> JournalRecorder:

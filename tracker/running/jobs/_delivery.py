@@ -206,7 +206,7 @@ def in_step(reading: Reading, sequence: Sequence, seen: Survey) -> Reading | Non
         seen: what its first frames show.
     """
     settings: Any = reading
-    if getattr(reading, "in_step", "off") == "off":
+    if not brings(reading):
         return None
     late = {name: told for v, name in enumerate(seen.rig.names) if (told := changes(seen, v))}
     if not late:
@@ -223,6 +223,11 @@ def in_step(reading: Reading, sequence: Sequence, seen: Survey) -> Reading | Non
         changed["on_missing"] = "skip"  # several images in turn were dropped
     corrected: Reading = replace(settings, **changed)
     return corrected
+
+
+def brings(reading: Reading) -> bool:
+    """Whether views that are late are to be brought in step, and poses to one moment."""
+    return getattr(reading, "in_step", "off") != "off"
 
 
 def untold(seen: Survey) -> str:

@@ -40,9 +40,11 @@ from tracker.foundation.arrays import Array
 from tracker.foundation.files import replacing, write_whole
 from tracker.images.reading import Reading
 from tracker.images.reading import Sequence as Recording
+from tracker.results.alignment import ViewAlignment
 from tracker.results.recording.journal import Expected, OpenJournal, as_kept, line_of, open_journal
 from tracker.running.jobs._acquired import AcquireOutcome
-from tracker.running.jobs._recorded import told_of_views
+from tracker.running.jobs._delivery import brings
+from tracker.running.jobs._recorded import compared_views
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.cycle import Cycle
 from tracker.tracking.estimate import Estimate
@@ -95,6 +97,9 @@ class OpenedTrack:
     findings: tuple[str, ...] = ()
     """What they tell of the views."""
 
+    alignment: ViewAlignment | None = None
+    """How late views are by these poses, of an interrupted run by those known."""
+
 
 def description_of(subject: Subject, earlier: Path | None) -> BodyDescription:
     """A person's model, with the shape that an interrupted run has fitted.
@@ -143,12 +148,14 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
         return opened, cycle
     steps = [as_kept(step) for step in found.steps]
     # as kept, so that a resumed run comes to the same
-    of_views = told_of_views(steps, scene, sequence.interval_s, cycle.progress)
+    found_of_views = compared_views(steps, scene, sequence.interval_s, cycle.progress)
+    of_views = () if found_of_views is None else found_of_views.findings(brings(opened.reading))
     of_things = (_told(persons[k].name, things, k in found.fits) for k, things in found.things.items())
     of_statures = (_unlike(persons[k], models[persons[k].name].stature_m) for k in found.fits)
     findings = (*of_views, *itertools.chain.from_iterable((*of_statures, *of_things)))
     known = {step.frame.index: step.estimates for step in steps}
     opened = replace(opened, scene=scene, fitted_at=tuple(map(line_of, steps)), findings=findings)
+    opened = replace(opened, alignment=found_of_views)
     # with the same bodies the same start would be found again, and those begun the other way round as they were before
     cycle = knowing(cycle, known, found.start, believed=not found.fits)
     return opened, replace(cycle, refines_known=not of_views)

@@ -19,6 +19,7 @@ from tracker.foundation.errors import ConfigError, TrackerError
 from tracker.foundation.files import remove_unfinished
 from tracker.foundation.progress import Progress, in_words, silent
 from tracker.images.reading import Sequence as ReadSequence
+from tracker.results.alignment import ViewAlignment
 from tracker.results.alignment.adjustment import align
 from tracker.results.alignment.moments import Tracked, chosen_moments, moments_of
 from tracker.results.recording import Recorder, Recording, RunContext
@@ -193,8 +194,8 @@ _COVERED = 0.5
 """Share of a run's frames that those compared have to reach over, for views to be called in step."""
 
 
-def told_of_views(steps: Sequence[Step], scene: Scene, interval_s: float, progress: Progress) -> tuple[str, ...]:
-    """Views that are out of step, and cameras that are turned; see `tracker.results.alignment.ViewAlignment.findings`.
+def compared_views(steps: Sequence[Step], scene: Scene, interval_s: float, progress: Progress) -> ViewAlignment | None:
+    """How late the views are and how they are turned; None where persons do not tell.
 
     Args:
         steps: frames that were tracked, with their images.
@@ -203,13 +204,13 @@ def told_of_views(steps: Sequence[Step], scene: Scene, interval_s: float, progre
         progress: told that all is as it should be; findings are for the caller to tell.
     """
     frames = [Tracked(step.frame.index, step.frame.time_s, step.estimates) for step in steps]
-    return _told(frames, (step.frame for step in steps), scene, interval_s, progress)
+    return _compared(frames, (step.frame for step in steps), scene, interval_s, progress)
 
 
-def told_of_known(
+def compared_by_known(
     known: Mapping[int, Sequence[Estimate]], frames: Iterable[Frame], scene: Scene, interval_s: float
-) -> tuple[str, ...]:
-    """As `told_of_views`, of frames whose poses an interrupted run has kept.
+) -> ViewAlignment | None:
+    """As `compared_views`, of frames whose poses an interrupted run has kept.
 
     Args:
         known: frame -> the poses of all persons.
@@ -220,7 +221,7 @@ def told_of_known(
     until = takewhile(lambda frame: frame.index <= max(known), frames)
     seen = [frame for frame in until if frame.index in known]
     tracked = [Tracked(frame.index, frame.time_s, tuple(known[frame.index])) for frame in seen]
-    return _told(tracked, seen, scene, interval_s, silent)
+    return _compared(tracked, seen, scene, interval_s, silent)
 
 
 class Tracks:
@@ -237,24 +238,23 @@ class Tracks:
             yield step
 
     def told(self, scene: Scene, sequence: ReadSequence, progress: Progress) -> tuple[str, ...]:
-        """See `told_of_views`.
+        """What `compared_views` finds.
 
         Args:
             scene: the persons as they were tracked.
             sequence: the recording, of which the fastest frames are read again.
-            progress: as of `told_of_views`.
+            progress: as of `compared_views`.
         """
-        return _told(self._frames, sequence.frames(), scene, sequence.interval_s, progress)
+        found = _compared(self._frames, sequence.frames(), scene, sequence.interval_s, progress)
+        return () if found is None else found.findings()
 
 
-def _told(
+def _compared(
     frames: Sequence[Tracked], images: Iterable[Frame], scene: Scene, interval_s: float, progress: Progress
-) -> tuple[str, ...]:
+) -> ViewAlignment | None:
     moments = moments_of(scene, frames, chosen_moments(scene, frames), images)
     found = align(moments, interval_s)
-    if found is None:
-        return ()
-    if not found.findings():
+    if found is not None and not found.findings():
         beside_ms = 1000 * interval_s * float(abs(found.late_frames).max())
         first, last = moments[0].frame.index, moments[-1].frame.index
         turned = f"cameras as calibrated to {found.turned_px.max():.1f} px"
@@ -265,7 +265,7 @@ def _told(
         else:
             told = f"by the persons in {found.n_moments} frames from {first} to {last}: of others that says nothing"
             progress(f"views: in step to {beside_ms:.0f} ms, {turned}, {told}")
-    return found.findings()
+    return found
 
 
 # The smooth result of a tracking job, beside the raw one.

@@ -197,6 +197,7 @@ def run_context(
         "inputs": dict(folder.inputs),
         "findings": findings.lines,
         "keypoints": [],
+        "alignment": {},
         "bodies": {name: model.about for name, model in opened.models.items()},
     }
     asked = getattr(job, "reading", None)

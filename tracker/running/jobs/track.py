@@ -30,6 +30,7 @@ from tracker.results.recording import DEFAULTS, Recording, chosen_recordings, de
 from tracker.results.recording.journal import Expected, OpenJournal, as_kept, open_journal
 from tracker.results.smoothed_result import Pictures
 from tracker.results.smoothing import Smoothing
+from tracker.running.aligned_result import described
 from tracker.running.jobs import ResultFolder
 from tracker.running.jobs._delivery import (
     MOST_ROUNDS,
@@ -42,10 +43,12 @@ from tracker.running.jobs._delivery import (
     patiently,
     settings_missing,
     sized,
+    timed,
     told_of_delays,
     untold,
 )
 from tracker.running.jobs._folder import Stop
+from tracker.running.jobs._one_moment import OneMoment
 from tracker.running.jobs._persons import (
     OpenedTrack,
     beside,
@@ -55,7 +58,14 @@ from tracker.running.jobs._persons import (
     save_inputs,
     with_fitted_bodies,
 )
-from tracker.running.jobs._recorded import TrackOutcome, Tracks, check_smoothing, recorded, smoothed, told_of_known
+from tracker.running.jobs._recorded import (
+    TrackOutcome,
+    Tracks,
+    check_smoothing,
+    compared_by_known,
+    recorded,
+    smoothed,
+)
 from tracker.running.jobs._told import (
     Findings,
     KeypointShare,
@@ -278,8 +288,9 @@ class TrackJob:
         if not opened.done:
             opened, cycle = with_fitted_bodies(opened, self.persons, cycle)
         elif opened.known:
-            of_views = told_of_known(opened.known, opened.frames(), opened.scene, sequence.interval_s)
-            cycle = replace(knowing(cycle, opened.known), refines_known=not of_views)
+            found = compared_by_known(opened.known, opened.frames(), opened.scene, sequence.interval_s)
+            opened = replace(opened, alignment=found)
+            cycle = replace(knowing(cycle, opened.known), refines_known=found is None or not found.findings())
         return opened, cycle
 
     def execute(self, opened: OpenedTrack, folder: ResultFolder, progress: Progress) -> TrackOutcome:
@@ -306,14 +317,19 @@ class TrackJob:
         context = run_context(self, opened, folder, choices, findings)
         steps, live = self.followed(opened, cycle), counts_of(sequence)
         tracked, share = Tracks(), KeypointShare(self.evidence, self.loss.ambiguous_above)
+        moment = OneMoment(opened, self.synthesis, findings.add)
 
         def conclude() -> None:
             context.details["keypoints"].extend(filter(None, [share.told()]))
-            if self.inspection and not (opened.fitted_at or opened.known):
+            if moment.found is not None:
+                context.details["alignment"].update(described(moment.found))
+            elif self.inspection and not (opened.fitted_at or opened.known):
                 findings.add(tracked.told(opened.scene, sequence, progress))
 
+        steps = steps if live is None else timed(steps, live)
         steps = telling_bodies(steps, opened.models, opened.done or ())
         steps = tracked.kept(share.kept(telling(map(as_kept, steps), findings.add)))
+        steps = moment.of(steps, self.inspection and self.passes > 1)
         outcome = recorded(self.recordings, context, steps, folder, (progress, stop), conclude)
         if self.smoothing is not None and outcome.n_frames:
             outcome = smoothed(outcome, self.smoothing, Pictures(self.recordings, opened.frames, progress))
