@@ -74,7 +74,7 @@ def test_what_comes_while_a_frame_is_at_work_is_dropped_and_counted(numbered: Pa
 
 def test_who_was_busy_for_long_is_led_back_to_now_in_steps(numbered: Path) -> None:
     """Or whoever moves on while a start is looked for would be lost in the next frame."""
-    numbers, longest = [], round(_cameras._STRIDE_S * FPS) + 1
+    numbers, longest = [], 1.5 * _cameras._STRIDE_S * FPS + 1
     for frame in films(numbered).open().frames():
         views, shown = zip(*(seen(image) for image in frame.images), strict=True)
         assert (views, set(shown)) == ((0, 1, 2), {frame.index}), "images of one moment"

@@ -28,8 +28,8 @@ _STRIDE_S = 0.2
 on meanwhile was lost in the newest image, looked for anew, and so on: 7 of 469 frames were tracked in 19 s, and 59 so
 (docs/cameras.md)."""
 
-_BEHIND = 50
-"""Older images of a camera, so far apart, that are kept: a run is ten seconds behind at most."""
+_BEHIND = 40
+"""Older images of a camera, so far apart, that are kept, with the one before each: a run is eight seconds behind."""
 
 _SILENT_S = 5.0
 """Time without an image after which a camera counts as gone."""
@@ -127,6 +127,8 @@ class Camera(threading.Thread):
         super().__init__(daemon=True, name=f"camera {source.view}")
         self.newest: deque[Arrived] = deque(maxlen=_KEPT)
         self.earlier: deque[Arrived] = deque(maxlen=_BEHIND)
+        self.beside: deque[Arrived] = deque(maxlen=_BEHIND)
+        self._left: Arrived | None = None
         self.ended = False
         self.fault: SequenceError | None = None
         self._source, self._arrived, self._together = source, arrived, together
@@ -163,13 +165,23 @@ class Camera(threading.Thread):
                 self._arrived.notify_all()
 
     def _keep(self, image: Arrived) -> None:
-        """Keeps the first image of each `_STRIDE_S` of the clock, which is about the same moment in all cameras."""
-        if not self.earlier or image.time_s // _STRIDE_S > self.earlier[-1].time_s // _STRIDE_S:
+        """Keeps the first image of each `_STRIDE_S` of the clock, and the last one of the stretch before.
+
+        One of them is of the moment of another camera's first one, whose clock runs a little otherwise.
+        """
+        if self._left is None or image.time_s // _STRIDE_S > self._left.time_s // _STRIDE_S:
+            self.beside.extend([] if self._left is None else [self._left])
             self.earlier.append(image)
+        self._left = image
 
     def after(self, time_s: float) -> list[Arrived]:
-        """The images that are kept of later than a time, in order."""
+        """The images that a run may go on to from a time, in order."""
         return [one for one in (*self.earlier, *self.newest) if one.time_s > time_s]
+
+    def nearest(self, moment_s: float, after_s: float) -> Arrived:
+        """The image nearest to a moment of those that are kept of later than a time."""
+        kept = (one for one in (*self.beside, *self.earlier, *self.newest) if one.time_s > after_s)
+        return min(kept, key=lambda one: abs(one.time_s - moment_s))
 
     def stop(self) -> None:
         """Reads no more."""
@@ -252,7 +264,8 @@ class Cameras:
         last = min(fresh, key=lambda images: images[-1].time_s)
         moment_s = min(last[-1].time_s, max(self._taken) + _STRIDE_S) if self._begun else last[-1].time_s
         moment_s = min(last, key=lambda one: abs(one.time_s - moment_s)).time_s
-        chosen = [min(images, key=lambda one: abs(one.time_s - moment_s)) for images in fresh]
+        pairs = zip(self._cameras, self._taken, strict=True)
+        chosen = [camera.nearest(moment_s, taken_s) for camera, taken_s in pairs]
         self._taken = [one.time_s for one in chosen]
         images = tuple(one.image for one in chosen)
         return Moment(moment_s, images, max(self._taken) - min(self._taken), min(one.number for one in chosen))
