@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,9 @@ from tracker.cameras.calibration.reference_bar import BarImages, ReferenceBarCal
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Mask
 from tracker.kernels.rows import BundleUnknowns
-from tracker.synthesis.simulation.bars import SIZE, BarRecording, Faults, four_around, three_in_line, wave
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
+from benchmarks.bars import SIZE, BarRecording, Faults, four_around, three_in_line, wave
 
 CLEAN = Faults(0.1, 0.0, 0.0)
 LENGTH_M = 0.8

@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 from tracker.bodies.body import BodyModel
 from tracker.bodies.body.description import load_body
 from tracker.foundation.resources import model_path
-from tracker.results.ball_joints import BallJoint, ball_joints, with_angles, with_vectors
-from tracker.results.smoothing import Smoothed, Stretch
+from tracker.results.smoothing import BallJoint, Smoothed, Stretch, ball_joints, with_angles, with_vectors
 from tracker.results.smoothing.rts import RauchTungStriebel
 
 FPS = 50.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bars import CLEAN, LENGTH_M, all_but_offsets, at_truth, calibration, images_of, recorded
+from benchmarks.bars import SIZE, Faults
 from scipy.spatial.transform import Rotation
 
 from tracker._native import project_with_slopes
@@ -24,7 +25,6 @@ from tracker.cameras.calibration._objects import (
 from tracker.cameras.calibration._self_calibration import self_calibrated
 from tracker.kernels.adjustment import N_OBJECT
 from tracker.kernels.rows import BundleCameraRow, BundleUnknowns
-from tracker.synthesis.simulation.bars import SIZE, Faults
 
 
 def some_state(seed: int) -> np.ndarray:

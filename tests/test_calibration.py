@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from bars import at_truth, calibration, images_of, recorded
+from benchmarks.bars import SIZE, Faults
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
@@ -28,7 +29,6 @@ from tracker.foundation.progress import silent
 from tracker.running.cli import app
 from tracker.running.jobs import execute
 from tracker.running.jobs.calibrate import load_calibration
-from tracker.synthesis.simulation.bars import SIZE, Faults
 
 # From scratch
 

@@ -17,9 +17,8 @@ from typer.testing import CliRunner
 from tracker.bodies.body.description import load_body
 from tracker.foundation.errors import SequenceError
 from tracker.foundation.resources import model_path
-from tracker.results.evaluation.comparison import error_figure, evaluate
+from tracker.results.evaluation.comparison import error_figure, evaluate, flexion
 from tracker.results.evaluation.joints import JointNames, names_of
-from tracker.results.evaluation.person_errors import flexion
 from tracker.running.cli import app
 
 N_FRAMES = 12

@@ -11,8 +11,8 @@ from known_movements import LIBRARY, known
 
 from tracker.bodies.body.description import load_body
 from tracker.foundation.resources import model_path
+from tracker.results.recognition import FEATURES, course_of
 from tracker.results.recognition._packed import Rule, weights_of
-from tracker.results.recognition.directions import FEATURES, course_of
 from tracker.results.recognition.matching import recognize
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))

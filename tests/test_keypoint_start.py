@@ -16,9 +16,8 @@ from rounding import SINGLE, assert_alike
 
 from tracker.bodies.body import BodyModel
 from tracker.bodies.keypoint_layouts.orders import LAYOUTS
-from tracker.bodies.keypoints import limbs, meant, swapped_sides
+from tracker.bodies.keypoints import limbs, meant, skeletons, swapped_sides
 from tracker.bodies.scene import Person, Scene
-from tracker.bodies.skeletons import skeletons
 from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
 from tracker.evidence.auto import AutoEvidence

@@ -14,7 +14,7 @@ from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Person, Scene
 from tracker.foundation.resources import model_path
 from tracker.images.plate import Plate
-from tracker.results.recognition.directions import JOINTS
+from tracker.results.recognition import JOINTS
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.movements import poses_of
 from tracker.synthesis.simulation.rendering import draw_persons, mesh_of

@@ -12,7 +12,7 @@ from known_movements import LIBRARY, known
 
 from tracker.foundation.errors import ConfigError
 from tracker.foundation.resources import model_path
-from tracker.results.recognition.directions import Course
+from tracker.results.recognition import Course
 from tracker.results.recognition.library import Description, add_performance, load_library
 
 

@@ -18,7 +18,7 @@ from tracker.bodies.keypoints import meant
 from tracker.foundation.errors import ConfigError, ModelError
 from tracker.foundation.resources import model_path
 from tracker.kernels.movements import direction_gaps, warp_sequence
-from tracker.results.recognition.directions import (
+from tracker.results.recognition import (
     FEATURES,
     JOINTS,
     RATE_HZ,

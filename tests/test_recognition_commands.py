@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from tracker.bodies.body.description import load_body
 from tracker.foundation.errors import ConfigError, ModelError
 from tracker.foundation.resources import model_path
-from tracker.results.recognition.directions import Course
+from tracker.results.recognition import Course
 from tracker.results.recognition.library import Description, add_performance, load_library
 from tracker.running.cli import app
 from tracker.synthesis.simulation.movements import poses_of

@@ -10,7 +10,7 @@ from known_movements import LIBRARY
 
 from tracker.bodies.body.description import load_body
 from tracker.foundation.resources import model_path
-from tracker.results.recognition.directions import RATE_HZ, course_of
+from tracker.results.recognition import RATE_HZ, course_of
 from tracker.results.recognition.matching import recognize, table_rows, timeline
 
 

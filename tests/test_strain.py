@@ -19,9 +19,8 @@ from tracker.foundation.arrays import Array
 from tracker.foundation.errors import SequenceError, TrackerError
 from tracker.points.strain import gauges_of, near, smoothed, spacing_m, strains_of
 from tracker.results.result import load_result
-from tracker.results.skin_slides import on_bones, slides
 from tracker.running.cli import app
-from tracker.running.straining import Asked, strain_followed
+from tracker.running.skin_strain import Asked, on_bones, slides, strain_followed
 
 TURN = cv2.Rodrigues(np.array([0.4, -0.7, 0.2]))[0]
 

@@ -16,8 +16,7 @@ from rich.table import Table
 from typer.testing import CliRunner
 
 from tracker.foundation.errors import ConfigError
-from tracker.results.evaluation.comparison import Evaluation
-from tracker.results.evaluation.person_errors import PersonErrors
+from tracker.results.evaluation.comparison import Evaluation, PersonErrors
 from tracker.running.cli import app
 from tracker.running.commands import evaluate, terminal
 from tracker.running.commands.run import _print_tracked

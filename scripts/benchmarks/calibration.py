@@ -10,13 +10,13 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.bars import SIZE, BarRecording, Faults, every, four_around, three_in_line, wave
 from tracker.cameras.calibration.reference_bar import BarImages, ReferenceBarCalibration
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.errors import CalibrationError
 from tracker.foundation.geometry import rigid_motion
-from tracker.synthesis.simulation.bars import SIZE, BarRecording, Faults, every, four_around, three_in_line, wave
 
 Arrangement = tuple[str, Callable[[np.random.Generator], Rig], float, float]
 """Name, maker of the rig, length of the bar in metres, and the ratio to reach."""

@@ -20,8 +20,7 @@ from benchmarks.recording_run import Asked
 from tracker.bodies.body import BodyModel
 from tracker.bodies.body.description import load_body
 from tracker.bodies.keypoint_layouts.views import KeypointViews
-from tracker.bodies.keypoints import limbs, swapped_sides
-from tracker.bodies.skeletons import skeletons
+from tracker.bodies.keypoints import limbs, skeletons, swapped_sides
 from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import load_rig

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tracker.foundation.arrays import Array
-from tracker.results.recognition.directions import JOINTS
+from tracker.results.recognition import JOINTS
 
 # Frames a second of CMU's cameras.
 _CMU_HZ = 120.0

@@ -10,7 +10,7 @@ from benchmarks.motion_files import MotionFile
 from tracker.bodies.body import BodyModel
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import SequenceError
-from tracker.results.recognition.directions import JOINTS
+from tracker.results.recognition import JOINTS
 
 _LIMBS = tuple(
     (f"{side}_{one}", f"{side}_{other}")

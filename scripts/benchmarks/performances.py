@@ -14,7 +14,7 @@ from benchmarks.motion_files import read_cmu
 from tracker.bodies.body.description import load_body
 from tracker.foundation.arrays import Array
 from tracker.foundation.resources import model_path
-from tracker.results.recognition.directions import Course, course, course_of
+from tracker.results.recognition import Course, course, course_of
 from tracker.results.recognition.library import Library, load_library
 from tracker.synthesis.simulation.movements import poses_of
 

@@ -23,7 +23,7 @@ from benchmarks.performances import (
 from benchmarks.recorded import recorded
 from tracker.foundation.arrays import Array32
 from tracker.results.evaluation.joints import read_joints
-from tracker.results.recognition.directions import JOINTS, RATE_HZ, Course, course, course_of
+from tracker.results.recognition import JOINTS, RATE_HZ, Course, course, course_of
 from tracker.results.recognition.library import Library, load_library
 from tracker.results.recognition.matching import Recognized, recognize, timeline
 from tracker.results.result import load_result

@@ -19,9 +19,8 @@ from benchmarks.trial import LIMB_MM, TRACKED_MM
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.tables import Table
 from tracker.foundation.errors import SequenceError
-from tracker.results.evaluation.comparison import evaluate
+from tracker.results.evaluation.comparison import PersonErrors, evaluate
 from tracker.results.evaluation.joints import read_rows
-from tracker.results.evaluation.person_errors import PersonErrors
 
 _RECORDINGS = ["csv_table", "run_json", "benchmarks.limb_table:LimbTable", "benchmarks.processor_clock:ProcessorClock"]
 # Frames of a window are written together: what each of them took is known in runs of one pass alone.

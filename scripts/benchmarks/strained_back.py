@@ -11,7 +11,7 @@ from tracker.foundation.arrays import Array
 from tracker.points.following.following import Following
 from tracker.points.strain import Strains, gauges_of, near, smoothed, spacing_m, strains_of
 from tracker.points.trajectories import PointFrame
-from tracker.running.straining import DEPTH, GAUGE
+from tracker.running.skin_strain import DEPTH, GAUGE
 
 # The issue: strain to 0.5 % on 5 mm bases, which 4 px of the centre view are.
 _STEP_PX, _AIM = 4, 0.5

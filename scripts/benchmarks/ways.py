@@ -26,9 +26,8 @@ from tracker.evidence.measures.outlines import overlap
 from tracker.foundation.arrays import Array
 from tracker.foundation.configuration.tables import Table as Configuration
 from tracker.foundation.errors import TrackerError
-from tracker.results.evaluation.comparison import evaluate
+from tracker.results.evaluation.comparison import PersonErrors, evaluate
 from tracker.results.evaluation.joints import read_rows
-from tracker.results.evaluation.person_errors import PersonErrors
 from tracker.results.result import load_result
 from tracker.synthesis.cpu import CpuSynthesis
 

@@ -85,11 +85,6 @@ class Track:
         """(T,) why the person is lost or doubtful, or limbs may be elsewhere."""
         return tuple(estimate.doubts for estimate in self.estimates)
 
-    @cached_property
-    def distances_px(self) -> Array:
-        """(T,) what the poses leave unexplained, px."""
-        return frozen([estimate.distance_px for estimate in self.estimates])
-
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the pose parameters, in the order of `poses`."""

@@ -17,13 +17,12 @@ from tracker.foundation.configuration.tables import describe
 from tracker.foundation.errors import TrackerError
 from tracker.foundation.files import whole_folder
 from tracker.foundation.progress import Progress, silent
-from tracker.results.ball_joints import ball_joints, with_angles, with_vectors
 from tracker.results.exports import check_place, write_pictures, write_result
 from tracker.results.recording import Recording
 from tracker.results.recording.csv_table import parameter_columns
 from tracker.results.recording.overlay import Overlay
 from tracker.results.result import Result, Track
-from tracker.results.smoothing import Smoothed, Smoothing, Stretch, stretches_of
+from tracker.results.smoothing import Smoothed, Smoothing, Stretch, ball_joints, stretches_of, with_angles, with_vectors
 from tracker.tracking.doubt import Doubt
 from tracker.tracking.estimate import Estimate, Status
 
@@ -52,7 +51,7 @@ class SmoothTrack:
 
 
 def smooth_track(track: Track, smoothing: Smoothing, interval_s: float) -> SmoothTrack:
-    """Smooths what was found of one person; joints that turn about three axes as rotations, see `results.ball_joints`.
+    """Smooths what was found of one person; joints that turn about three axes as rotations, see `results.smoothing`.
 
     Args:
         track: the person's raw poses.

@@ -12,8 +12,7 @@ import pydantic
 from tracker.bodies.body import BodyModel
 from tracker.bodies.keypoint_layouts import KeypointSource, open_keypoints
 from tracker.bodies.keypoint_layouts.orders import LAYOUTS, Order
-from tracker.bodies.keypoints import limbs, meant, swapped_sides
-from tracker.bodies.skeletons import skeletons
+from tracker.bodies.keypoints import limbs, meant, skeletons, swapped_sides
 from tracker.cameras.camera import Camera
 from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig

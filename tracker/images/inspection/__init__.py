@@ -11,8 +11,7 @@ from typing import Protocol, runtime_checkable
 
 from tracker.foundation.configuration.components import available, find
 from tracker.images.inspection._arrival import first_in_view
-from tracker.images.inspection._colours import other_colours
-from tracker.images.inspection._survey import Survey, survey
+from tracker.images.inspection._survey import Survey, other_colours, survey
 
 __all__ = ["Inspection", "Survey", "changes", "findings", "first_in_view", "other_colours", "survey"]
 

@@ -274,13 +274,6 @@ def _step(phi: Array, forces: Forces, length_px: float) -> tuple[Array, float, t
     return phi, 0.0, (before, before)
 
 
-def region_energy(region: Mask, forces: Forces) -> float:
-    """What `threshold_dynamics` minimizes: the energy with the length of the outline as a Gaussian measures it."""
-    inside = region.astype(np.float32)
-    flown = ((1 - inside) * _blurred(inside)).sum(dtype=np.float64)
-    return float(forces.length * _CIRCUMFERENCE * flown - (inside * _drive(forces)).sum(dtype=np.float64))
-
-
 def threshold_dynamics(start: Mask, forces: Forces, n_steps: int = 12) -> Mask:
     """The region of least energy near a start, each step the exact minimum of the energy linearized there.
 

@@ -11,7 +11,7 @@ import numpy as np
 from tracker.foundation.arrays import Array32, Integers, Mask, frozen
 from tracker.foundation.errors import ConfigError, nearest
 from tracker.kernels.movements import direction_gaps, warp_sequence
-from tracker.results.recognition.directions import FEATURES, RATE_HZ, Course, Features
+from tracker.results.recognition import FEATURES, RATE_HZ, Course, Features
 from tracker.results.recognition.library import LEAST_FRAMES, Library, Movement
 
 

@@ -19,7 +19,7 @@ from tracker.foundation.errors import ConfigError, name_fault, nearest
 from tracker.foundation.files import csv_lines, write_whole
 from tracker.foundation.resources import models_folder
 from tracker.foundation.source_files import cells_of, number_in, rows_of, toml_of
-from tracker.results.recognition.directions import FEATURES, LIMBS, RATE_HZ, Course
+from tracker.results.recognition import FEATURES, LIMBS, RATE_HZ, Course
 
 LEAST_FRAMES = 8
 """A third of a second: shorter performances fit almost anything."""

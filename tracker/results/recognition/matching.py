@@ -16,8 +16,8 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from tracker.results.recognition import RATE_HZ, Course
 from tracker.results.recognition._packed import Fit, Packed, Rule, Variant, angles_between, packed
-from tracker.results.recognition.directions import RATE_HZ, Course
 from tracker.results.recognition.library import Library
 
 

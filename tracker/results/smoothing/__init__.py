@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 import pydantic
 from scipy.interpolate import make_interp_spline
+from scipy.spatial.transform import Rotation
 
-from tracker.foundation.arrays import Array, Integers, Mask
+from tracker.bodies.body import BodyModel
+from tracker.foundation.arrays import Array, Integers, Mask, frozen
 from tracker.foundation.configuration.components import component
 
 
@@ -147,3 +149,179 @@ def without_gaps(stretch: Stretch) -> Array:
     columns = stretch.poses[stretch.known].T
     filled: Array = np.stack([np.interp(stretch.times_s, times, column) for column in columns], axis=1)
     return filled
+
+
+# See docs/lab/rotations.md.
+_FARTHEST = np.radians(150.0)
+"""Rotation from the mean, and from one known frame to the next, from which on a joint keeps its angles: half a turn
+from the mean vectors jump, and whoever turns on the spot has none."""
+
+_LEAST_SIGMA = np.radians(0.05)
+"""Standard deviation of a rotation at the least: of an axis that no angle turns about, they tell nothing."""
+
+_DAMPING = 1e-4
+"""Of steps to the angles of a rotation, and of the way back of covariances, rad^2: in gimbal lock angles stay as they
+are."""
+
+_STEPS = 50
+"""Towards the angles of a rotation at most; far from gimbal lock three to six do."""
+
+_NEAR = 1e-9
+"""Rotation left over that is none, rad."""
+
+
+@dataclass(frozen=True)
+class BallJoint:
+    """Three angles of a pose that turn one joint."""
+
+    columns: tuple[int, int, int]
+    axes: Array
+    """(3, 3) one a row, in the reference pose."""
+
+    mean: Array
+    """(3, 3) rotation that the movement is about."""
+
+    def rotations(self, angles: Array) -> Rotation:
+        """The T rotations of angles (T, 3), rad."""
+        first, second, third = self._turns(angles)
+        return first * second * third
+
+    def _turns(self, angles: Array) -> list[Rotation]:
+        return [Rotation.from_rotvec(angle[:, None] * axis) for angle, axis in zip(angles.T, self.axes, strict=True)]
+
+    def velocities(self, angles: Array) -> Array:
+        """(T, 3, 3) a column an angle: the axis it turns about, in what is turned."""
+        _, second, third = self._turns(angles)
+        first_axis, second_axis, third_axis = np.array(self.axes)
+        within = (second * third).inv().apply(first_axis), third.inv().apply(second_axis)
+        return np.stack([*within, np.broadcast_to(third_axis, within[0].shape)], axis=-1)
+
+    def vectors(self, angles: Array) -> Array:
+        """(T, 3) rotations from the mean along their axes, rad, of angles (T, 3)."""
+        vectors: Array = (Rotation.from_matrix(np.array(self.mean)).inv() * self.rotations(angles)).as_rotvec()
+        return vectors
+
+    def slopes(self, angles: Array) -> Array:
+        """(T, 3, 3) derivatives of `vectors` by the angles."""
+        return _inverse_right(self.vectors(angles)) @ self.velocities(angles)
+
+    def angles(self, vectors: Array, near: Array) -> Array:
+        """Angles (T, 3) of rotations from the mean (T, 3), from those near by (T, 3) on; damped Gauss-Newton steps."""
+        wanted, angles = Rotation.from_matrix(np.array(self.mean)) * Rotation.from_rotvec(vectors), near.copy()
+        for _ in range(_STEPS):
+            left = (self.rotations(angles).inv() * wanted).as_rotvec()
+            if np.abs(left).max(initial=0.0) < _NEAR:
+                break
+            slopes = self.velocities(angles)
+            across = slopes @ slopes.transpose(0, 2, 1) + _DAMPING * np.eye(3)
+            step = slopes.transpose(0, 2, 1) @ np.linalg.solve(across, left[..., None])
+            angles = angles + step[..., 0]
+        return angles
+
+
+def ball_joints(body: BodyModel, poses: Array) -> tuple[BallJoint, ...]:
+    """The joints of a body that turn about three axes, and stay within reach of their mean in a movement.
+
+    Args:
+        body: the model.
+        poses: (T, dof) of all the movement.
+    """
+    found = []
+    for columns in _threes(body):
+        joint = BallJoint(columns, frozen([body.parameters[k].axis for k in columns]), np.eye(3))
+        angles = poses[:, np.array(columns)]
+        joint = replace(joint, mean=frozen(joint.rotations(angles).mean().as_matrix()))
+        vectors = joint.vectors(angles)
+        farthest = np.linalg.norm(np.concatenate([vectors, np.diff(vectors, axis=0)]), axis=1).max()
+        if farthest < _FARTHEST:
+            found.append(joint)
+    return tuple(found)
+
+
+def _threes(body: BodyModel) -> list[tuple[int, int, int]]:
+    """Angles that turn one joint, one after the other, where there are three."""
+    joints: list[list[int]] = []
+    for k, one in enumerate(body.parameters):
+        before = body.parameters[one.parent] if one.parent >= 0 else None
+        if one.rotates and before is not None and before.rotates and np.allclose(before.point, one.point):
+            next(joint for joint in joints if one.parent in joint).append(k)
+        elif one.rotates:
+            joints.append([k])
+    return [(joint[0], joint[1], joint[2]) for joint in joints if len(joint) == 3]
+
+
+def with_vectors(stretch: Stretch, joints: Sequence[BallJoint]) -> Stretch:
+    """A stretch with rotations from their mean in place of the angles of some joints, its covariances, too."""
+    poses, slopes = stretch.poses.copy(), _identities(stretch.poses)
+    least = np.zeros(poses.shape[1])
+    for joint in joints:
+        columns, known = np.array(joint.columns), np.flatnonzero(stretch.known)
+        angles = stretch.poses[np.ix_(known, columns)]
+        poses[np.ix_(known, columns)] = joint.vectors(angles)
+        slopes[np.ix_(known, columns, columns)] = joint.slopes(angles)
+        least[columns] = _LEAST_SIGMA**2
+    covariances = slopes @ stretch.covariances @ slopes.transpose(0, 2, 1) + np.diag(least)
+    return replace(stretch, poses=poses, covariances=covariances)
+
+
+def with_angles(smooth: Smoothed, joints: Sequence[BallJoint], raw: Stretch) -> Smoothed:
+    """A smooth movement with angles again; their derivatives are those of a quintic spline.
+
+    In gimbal lock angles stay as the raw ones are, and are as little known: what of their covariances the smooth
+    rotations do not tell is added.
+
+    Args:
+        smooth: a smoothed `with_vectors`.
+        joints: the same.
+        raw: with angles, which the smooth ones are near to.
+    """
+    poses, back, there = smooth.poses.copy(), _identities(smooth.poses), _identities(smooth.poses)
+    velocities, accelerations = smooth.velocities.copy(), smooth.accelerations.copy()
+    times = raw.times_s[raw.known]
+    for joint in joints:
+        columns = np.array(joint.columns)
+        near = np.stack([np.interp(raw.times_s, times, raw.poses[raw.known, k]) for k in joint.columns], axis=1)
+        angles = joint.angles(smooth.poses[:, columns], near)
+        slopes = joint.slopes(angles)
+        damped = slopes.transpose(0, 2, 1) @ slopes + _DAMPING * np.eye(3)
+        block = np.ix_(np.arange(len(poses)), columns, columns)
+        back[block], there[block] = np.linalg.solve(damped, slopes.transpose(0, 2, 1)), slopes
+        spline = make_interp_spline(raw.times_s, angles, k=5)
+        poses[:, columns] = angles
+        velocities[:, columns], accelerations[:, columns] = spline(raw.times_s, nu=1), spline(raw.times_s, nu=2)
+    stayed = _identities(smooth.poses) - back @ there
+    covariances = back @ smooth.covariances @ back.transpose(0, 2, 1)
+    covariances += stayed @ _raw_covariances(raw) @ stayed.transpose(0, 2, 1)
+    return Smoothed(poses, velocities, accelerations, covariances)
+
+
+def _raw_covariances(raw: Stretch) -> Array:
+    """(T, dof, dof), in frames without a pose those of the next one with; those not given have sigmas of 1."""
+    known = np.flatnonzero(raw.known)
+    nearest = known[np.searchsorted(known, np.arange(len(raw.known)))]  # the last frame of a stretch is known
+    given = np.isfinite(raw.covariances).all(axis=(1, 2), keepdims=True)
+    covariances: Array = np.where(given, raw.covariances, raw.sigmas[:, :, None] ** 2 * np.eye(raw.poses.shape[1]))
+    return covariances[nearest]
+
+
+def _identities(poses: Array) -> Array:
+    """(T, dof, dof) for poses (T, dof)."""
+    return np.broadcast_to(np.eye(poses.shape[1]), (*poses.shape, poses.shape[1])).copy()
+
+
+def _inverse_right(vectors: Array) -> Array:
+    """(T, 3, 3) how rotation vectors (T, 3) change with a small rotation of what is turned.
+
+    The inverse of the right Jacobian of SO(3) (Chirikjian, Stochastic Models, Information Theory, and Lie Groups,
+    vol. 2, 2012, section 10.6).
+    """
+    angle = np.linalg.norm(vectors, axis=1)
+    small = angle < 1e-3
+    safe = np.where(small, 1.0, angle)
+    curved = np.where(small, 1 / 12 + angle**2 / 720, 1 / safe**2 - (1 + np.cos(safe)) / (2 * safe * np.sin(safe)))
+    crossed = np.zeros((len(vectors), 3, 3))
+    x, y, z = vectors.T
+    crossed[:, 0, 1], crossed[:, 0, 2], crossed[:, 1, 2] = -z, y, -x
+    crossed -= crossed.transpose(0, 2, 1)
+    matrices: Array = np.eye(3) + crossed / 2 + curved[:, None, None] * crossed @ crossed
+    return matrices

@@ -20,7 +20,7 @@ class Spline(Stretchwise):
     """Cubic smoothing spline, one a parameter (Craven & Wahba 1979; Woltring 1986 in biomechanics).
 
     Frames weigh the same: sigmas tell of more than jitter. Velocities and accelerations are its own, and these 0 at
-    both ends; but those of joints that turn about three axes, see `tracker.results.ball_joints`.
+    both ends; but those of joints that turn about three axes, see `tracker.results.smoothing`.
     """
 
     def _smoothed(self, stretch: Stretch) -> Array:

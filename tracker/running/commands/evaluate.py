@@ -14,8 +14,7 @@ from tracker.foundation.errors import ConfigError
 from tracker.running.commands.terminal import Overwrite, console
 
 if TYPE_CHECKING:
-    from tracker.results.evaluation.comparison import Evaluation
-    from tracker.results.evaluation.person_errors import PersonErrors
+    from tracker.results.evaluation.comparison import Evaluation, PersonErrors
     from tracker.results.recognition.matching import Stretch
     from tracker.results.result import Track
 
@@ -184,7 +183,7 @@ def recognize(
         if value:
             raise ConfigError(f"{option} {value}: only with --add; or bodytrack result recognize {result} --add NAME")
     from tracker.foundation.files import check_free, csv_lines, replacing, write_whole
-    from tracker.results.recognition.directions import course_of
+    from tracker.results.recognition import course_of
     from tracker.results.recognition.library import load_library
     from tracker.results.recognition.matching import recognize as recognized
     from tracker.results.recognition.matching import strip, table_rows, timeline
@@ -244,7 +243,7 @@ def _add(
     chosen: tuple[list[str] | None, str | None, str | None, str | None],
     told: tuple[bool, str],
 ) -> None:
-    from tracker.results.recognition.directions import RATE_HZ, course_of
+    from tracker.results.recognition import RATE_HZ, course_of
     from tracker.results.recognition.library import Description, add_performance
     from tracker.results.result import load_result
 

@@ -13,7 +13,7 @@ from tracker.foundation.errors import InitializationError
 from tracker.running.commands.terminal import ProgressBar, console, marked
 
 if TYPE_CHECKING:
-    from tracker.results.evaluation.person_errors import PersonErrors
+    from tracker.results.evaluation.comparison import PersonErrors
     from tracker.synthesis.simulation.filming import Plan
     from tracker.synthesis.simulation.prospect import Prospect, Views
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tracker.running.jobs.surface import SurfaceSummary
-    from tracker.running.straining import Strained
+    from tracker.running.skin_strain import Strained
 
 
 def measure(config: Config, output: Output = None, set_: Overrides = None, frames: Frames = None) -> None:
@@ -84,7 +84,7 @@ def strain(
     """Tells how the surface between followed points is stretched and sheared: a table with sigmas, and colours."""
     from tracker.foundation.files import check_free
     from tracker.results.result import load_result
-    from tracker.running.straining import Asked, strain_followed
+    from tracker.running.skin_strain import Asked, strain_followed
 
     if person is not None and body is None:
         raise ConfigError("--person: is one of a run; name its result by --body")
@@ -112,7 +112,7 @@ def _range(frames: str | None) -> tuple[int, int | None]:
 
 
 def _strains(found: Strained) -> Table:
-    from tracker.running.straining import told_strains
+    from tracker.running.skin_strain import told_strains
 
     title = f"strain since frame {found.reference}, points {found.spacing_mm:.1f} mm apart, gauges reach "
     title += f"{found.gauge_mm:.1f} mm; %, median (5 to 95 % of the gauges)"
@@ -125,7 +125,7 @@ def _strains(found: Strained) -> Table:
 
 
 def _slides(found: Strained) -> Table:
-    from tracker.running.straining import told_slides
+    from tracker.running.skin_strain import told_slides
 
     title = f"sliding over the bones, frame {found.reference} to {max(found.slides)}; mm"
     table = Table(title=title, title_justify="left")

@@ -9,9 +9,8 @@ import numpy as np
 
 from tracker.bodies.body import BodyModel
 from tracker.bodies.keypoint_layouts.views import KeypointFiles, KeypointViews
-from tracker.bodies.keypoints import limbs, meant, swapped_sides
+from tracker.bodies.keypoints import Skeleton, limbs, meant, skeletons, swapped_sides
 from tracker.bodies.scene import Person, Scene
-from tracker.bodies.skeletons import Skeleton, skeletons
 from tracker.cameras.frame import Frame
 from tracker.evidence import Evidence
 from tracker.evidence.auto import AutoEvidence

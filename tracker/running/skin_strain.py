@@ -8,12 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from tracker.bodies.body import BodyModel
+from tracker.bodies.body.surface import nearest_parts
 from tracker.cameras.camera import Camera
 from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import load_rig
-from tracker.foundation.arrays import Array, Image
+from tracker.foundation.arrays import Array, Image, Integers, Mask
 from tracker.foundation.errors import ConfigError, SequenceError, TrackerError, nearest
 from tracker.foundation.files import GrowingFile, csv_lines, replacing, write_whole
+from tracker.foundation.geometry.superquadrics import signed_distance
 from tracker.foundation.progress import Progress, silent
 from tracker.foundation.source_files import json_of
 from tracker.points.following.tables import PointTable, read_trajectories
@@ -31,9 +34,125 @@ from tracker.points.strain import (
     strains_of,
 )
 from tracker.results.result import Result
-from tracker.results.skin_slides import Slide, on_bones, slides
 from tracker.running.jobs import CONFIG, load_job
 from tracker.running.viewing.images import without_plates
+from tracker.tracking.estimate import Estimate
+
+_LEAST_LEAD_M = 0.01
+"""A point this much nearer to its part than to the next one is that part's; between two, nobody knows whose it is."""
+
+_FARTHEST_M = 0.06
+"""A point farther from the body is no skin or cloth of it."""
+
+_LEAST_POINTS = 10
+"""Points of a segment from which something is told of it."""
+
+
+@dataclass(frozen=True)
+class Slide:
+    """Of a segment, from the frame of reference to another one."""
+
+    segment: str
+    n_points: int
+    slide_m: float
+    """How far points have moved along the surface, beside the bone, median."""
+
+    most_m: float
+    """What 95 % of them do not exceed."""
+
+    lift_m: float
+    """How far they have moved off the bone, median; negative towards it."""
+
+    sigma_m: float
+    """Standard deviation of a slide by what is not known of the two poses; NaN where a method tells none."""
+
+
+@dataclass(frozen=True)
+class OnBones:
+    """N points on the parts of a body in the frame of reference."""
+
+    body: BodyModel
+    part: Integers
+    """(N,) numbers of the parts; -1 for points that are nobody's."""
+
+    place: Array
+    """(N, 3) in the part's frame, metres."""
+
+    normal: Array
+    """(N, 3) outwards, in the part's frame."""
+
+    begun: Estimate
+
+
+def on_bones(body: BodyModel, begun: Estimate, positions: Array) -> OnBones:
+    """The points of a frame on the parts of a body.
+
+    Args:
+        body: the person's.
+        begun: its pose in the frame of reference.
+        positions: (N, 3) metres; NaN where a point is not seen.
+
+    Raises:
+        SequenceError: the points are not on this body.
+    """
+    seen = np.flatnonzero(np.isfinite(positions[:, 0]))
+    placed, part = body.world_from_part(begun.q), np.full(len(positions), -1)
+    place, normal = np.zeros((len(positions), 3)), np.zeros((len(positions), 3))
+    if not len(seen):
+        raise SequenceError("no point is seen in the frame of reference")
+    found, distance, lead = nearest_parts(positions[seen], placed, body.shapes)
+    if np.median(np.abs(distance)) > _FARTHEST_M:
+        raise SequenceError(
+            f"half of the points are more than {1000 * float(np.median(np.abs(distance))):.0f} mm from the body: "
+            "expected points and poses of one recording, in the world of one calibration"
+        )
+    sure = (np.abs(distance) < _FARTHEST_M) & (lead > _LEAST_LEAD_M)
+    part[seen[sure]] = found[sure]
+    for p, shape in enumerate(body.shapes):
+        own = np.flatnonzero(part == p)
+        place[own] = (positions[own] - placed[p, :3, 3]) @ placed[p, :3, :3]
+        normal[own] = signed_distance(shape, place[own])[1]
+    return OnBones(body, part, place, normal, begun)
+
+
+def slides(points: OnBones, now: Estimate, positions: Array) -> tuple[Slide, ...]:
+    """How far the points of each segment have slid since the frame of reference.
+
+    Args:
+        points: where they were.
+        now: the pose of the frame.
+        positions: (N, 3) of the points in it, metres; NaN where a point is not seen.
+    """
+    body, found = points.body, []
+    placed = body.world_from_part(now.q)[points.part]
+    local = np.einsum("nji,nj->ni", placed[:, :3, :3], positions - placed[:, :3, 3])
+    moved = local - points.place
+    lift = (moved * points.normal).sum(axis=1)
+    along = moved - lift[:, None] * points.normal
+    seen: Mask = (points.part >= 0) & np.isfinite(positions[:, 0])
+    segments = np.where(seen, body.segments_of_parts[points.part], -1)
+    for k, segment in enumerate(body.segments):
+        own = np.flatnonzero(segments == k)
+        if len(own) >= _LEAST_POINTS:
+            length = np.linalg.norm(along[own], axis=1)
+            most, middle = float(np.percentile(length, 95)), float(np.median(lift[own]))
+            sigma = _pose_sigma(points, (points.begun, now), own)
+            found.append(Slide(segment.name, len(own), float(np.median(length)), most, middle, sigma))
+    return tuple(found)
+
+
+def _pose_sigma(points: OnBones, estimates: Sequence[Estimate], own: Integers) -> float:
+    """Standard deviation of a point's place along the surface by the poses, root of the mean over points and axes."""
+    body, total = points.body, 0.0
+    for one in estimates:
+        placed = body.world_from_part(one.q)[points.part[own]]
+        world = np.einsum("nij,nj->ni", placed[:, :3, :3], points.place[own]) + placed[:, :3, 3]
+        normal = np.einsum("nij,nj->ni", placed[:, :3, :3], points.normal[own])
+        jacobian = body.point_jacobian(one.q, world, body.part_parameters[points.part[own]])
+        across = jacobian - normal[:, :, None] * np.einsum("ni,nij->nj", normal, jacobian)[:, None]
+        total += float(np.einsum("nij,jk,nik->n", across, one.covariance, across).mean())
+    return float(np.sqrt(total / 2)) if np.isfinite(total) else np.nan
+
 
 GAUGE, DEPTH = 2.5, 4.5
 """Reach of a gauge, and of the surface that depths are smoothed by, in distances between neighbouring points. On
@@ -105,8 +224,11 @@ def strain_followed(
     reach = asked.gauge_mm / 1000 if asked.gauge_mm else GAUGE * spacing
     if not np.isfinite(reach):
         raise SequenceError(f"{folder}: fewer than two points in frame {table.frames[reference]}: nothing is strained")
-    patch_m = patch_px * _px_m(table, reference, camera)
-    begun = _begun(table, reference, reach, DEPTH * spacing, patch_m)
+    seen = table.positions[reference][table.seen[reference]]
+    patch_m = patch_px * float(np.median(camera.in_camera(seen)[:, 2]) / camera.matrix[0, 0])
+    around = near(table.positions[reference], DEPTH * spacing)
+    gauges = gauges_of(smoothed(table.positions[reference], table.covariances[reference], around), reach)
+    begun = _Begun(gauges, around, patch_m)
     found = [begun.strained(table, t) for t in rows]
     slid = {} if body is None else _slid(table, rows, reference, body)
     output.mkdir(parents=True, exist_ok=True)
@@ -184,12 +306,6 @@ def _camera(rig: Rig, view: str | None) -> Camera:
     return rig.cameras[rig.names.index(view)]
 
 
-def _px_m(table: PointTable, reference: int, camera: Camera) -> float:
-    """How much of the surface a pixel of the view shows, metres."""
-    seen = table.positions[reference][table.seen[reference]]
-    return float(np.median(camera.in_camera(seen)[:, 2]) / camera.matrix[0, 0])
-
-
 @dataclass(frozen=True)
 class _Begun:
     """The frame of reference, made ready."""
@@ -203,12 +319,6 @@ class _Begun:
         now = smoothed(table.positions[t], table.covariances[t], self.around)
         strains = strains_of(self.gauges, now, self.patch_m)
         return StrainFrame(int(table.frames[t]), float(table.times[t]), table.positions[t], strains)
-
-
-def _begun(table: PointTable, reference: int, gauge_m: float, depth_m: float, patch_m: float) -> _Begun:
-    around = near(table.positions[reference], depth_m)
-    begun = smoothed(table.positions[reference], table.covariances[reference], around)
-    return _Begun(gauges_of(begun, gauge_m), around, patch_m)
 
 
 def _slid(
