@@ -9,8 +9,8 @@ import typer
 
 from tracker.foundation.configuration.tables import read_config
 from tracker.foundation.errors import TrackerError
+from tracker.running.commands import ProgressBar, console, print_error
 from tracker.running.commands.acquire import print_acquisition
-from tracker.running.commands.terminal import ProgressBar, console, print_error
 from tracker.running.jobs.acquire import acquire_to, acquisition_from
 
 

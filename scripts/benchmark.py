@@ -39,7 +39,7 @@ from benchmarks.start_scores import print_starts
 from rich.console import Console
 
 from tracker.foundation.errors import TrackerError
-from tracker.running.commands.terminal import print_error
+from tracker.running.commands import print_error
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 # A table cut at the 80 columns of a pipe cannot be read.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import typer
 
 from tracker.foundation.errors import TrackerError
+from tracker.running.commands import print_error
 from tracker.running.commands.result import compare
-from tracker.running.commands.terminal import print_error
 
 
 def main() -> None:

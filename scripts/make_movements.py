@@ -23,7 +23,7 @@ from tracker.bodies.body.description import load_body
 from tracker.foundation.resources import model_path
 from tracker.results.recognition import Course, course, course_of
 from tracker.results.recognition.library import Description, add_performance, bundled_library
-from tracker.running.commands.terminal import print_error
+from tracker.running.commands import print_error
 from tracker.synthesis.simulation.movements import poses_of
 
 _CLIPS = {

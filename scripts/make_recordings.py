@@ -42,7 +42,7 @@ from tracker.foundation.errors import ConfigError, TrackerError, nearest
 from tracker.foundation.files import whole_folder
 from tracker.foundation.progress import Progress
 from tracker.images.plate import Plate
-from tracker.running.commands.terminal import ProgressBar, print_error
+from tracker.running.commands import ProgressBar, print_error
 from tracker.running.jobs.acquire import acquire_to, acquisition_from
 from tracker.synthesis.simulation.sequence import Recipe, Simulation, fill_folder
 

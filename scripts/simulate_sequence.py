@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from tracker.foundation.errors import TrackerError
-from tracker.running.commands.terminal import ProgressBar, console, print_error
+from tracker.running.commands import ProgressBar, console, print_error
 from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 

@@ -77,7 +77,7 @@ def points_let_in(modules: Modules) -> list[str]:
 
 POINTS_MAY_IMPORT = {"", "foundation", "kernels", "cameras", "images", "points"}
 KNOWING_POINTS = {"points", "acquisition", "running", "scripts"}
-EVIDENCE_OF_POINTS = ("tracker.evidence.points", "tracker.evidence._followed")
+EVIDENCE_OF_POINTS = ("tracker.evidence.points", "tracker.evidence._attachment")
 
 
 def silent_rooms(modules: Modules) -> list[str]:

@@ -24,7 +24,7 @@ from tracker.foundation.arrays import Array, Image
 from tracker.foundation.configuration.components import available, find
 from tracker.foundation.errors import ConfigError
 from tracker.running.cli import app
-from tracker.running.detecting import USUAL, detect, wanted
+from tracker.running.detections import USUAL, detect, wanted
 from tracker.running.drafts.configuration import draft
 from tracker.running.jobs import described, job_from
 from tracker.synthesis.simulation.sequence import Recipe, write_sequence

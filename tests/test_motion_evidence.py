@@ -16,7 +16,7 @@ from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
 from tracker.evidence import GUESSED
 from tracker.evidence._anchors import Anchors, attached, seen_parts
-from tracker.evidence._attaching import met_by_rays
+from tracker.evidence._attachment import met_by_rays
 from tracker.evidence.measures.correspondences import Equations
 from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.motion import MotionEvidence, Remembered, _grey

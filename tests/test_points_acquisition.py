@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from tracker.acquisition._residuals import part_slopes
 from tracker.acquisition._surface_points import Tied, Tracks, outside, surface_rows, tied
 from tracker.acquisition.clouds import Cloud, cloud_of, read_cloud
-from tracker.acquisition.from_points import FromPoints, Moment, PointSettings, acquire_from_points
+from tracker.acquisition.posed_points import FromPoints, Moment, PointSettings, acquire_from_points
 from tracker.acquisition.result import bone_lengths
 from tracker.bodies.body import BodyModel
 from tracker.bodies.scene import Person, Scene

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from trimesh.creation import icosphere
 from typer.testing import CliRunner
 
-from tracker.acquisition.from_robot import body_of, stands_at
+from tracker.acquisition.robot import body_of, stands_at
 from tracker.bodies.body.description import load_body
 from tracker.bodies.body.surface import segments_in_world
 from tracker.bodies.robots.mjcf import read_mjcf

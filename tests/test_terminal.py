@@ -17,10 +17,10 @@ from typer.testing import CliRunner
 
 from tracker.foundation.errors import ConfigError
 from tracker.results.evaluation.comparison import Evaluation, PersonErrors
+from tracker.running import commands
 from tracker.running.cli import app
-from tracker.running.commands import evaluate, terminal
+from tracker.running.commands import ProgressBar, evaluate
 from tracker.running.commands.run import _print_tracked
-from tracker.running.commands.terminal import ProgressBar
 from tracker.running.jobs import load_job
 from tracker.running.jobs._recorded import _Pace
 from tracker.running.jobs.track import TrackOutcome
@@ -109,8 +109,8 @@ def test_names_and_paths_are_shown_as_they_are():
             shown.print(Group(part))
     assert "recordings [a]" in capture.get()
     assert "anna [old] done [/]" in capture.get()
-    with terminal.console.capture() as capture:
-        terminal.console.print("results[1]/anna :dog: [/]", Table("name [b]"), terminal.marked("look", "view [c]"))
+    with commands.console.capture() as capture:
+        commands.console.print("results[1]/anna :dog: [/]", Table("name [b]"), commands.marked("look", "view [c]"))
     assert all(text in capture.get() for text in ("results[1]/anna :dog: [/]", "name [b]", "look: view [c]"))
 
 
@@ -123,7 +123,7 @@ def test_a_sentence_with_a_path_stays_in_one_line():
     outcome = TrackOutcome(
         folder, 4, SimpleNamespace(none=True, advice=str, sentence=lambda: told, why=str), seconds=75.0
     )
-    with terminal.console.capture() as capture:
+    with commands.console.capture() as capture:
         _print_tracked(outcome)
     first = "tracked 4 frames in 1 min 15 s, 0.1 frames/s all included"
     assert capture.get().splitlines() == [first, f"results in {folder}: no recordings chosen", told]

@@ -9,8 +9,7 @@ import numpy as np
 
 from tracker.bodies.body import BodyModel
 from tracker.cameras.rig import Rig
-from tracker.evidence._attaching import Attachments
-from tracker.evidence._followed import Followed
+from tracker.evidence._attachment import Attachments, Followed
 from tracker.foundation.arrays import Array, Integers, Mask
 from tracker.foundation.geometry.superquadrics import signed_distance
 

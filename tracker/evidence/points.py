@@ -18,8 +18,7 @@ from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
 from tracker.cameras.rig import Rig
 from tracker.evidence import GUESSED, Evidence, EvidencePicture, Memory
-from tracker.evidence._attaching import Attachments, met_by_rays, ray_covariances
-from tracker.evidence._followed import Followed, open_followed
+from tracker.evidence._attachment import Attachments, Followed, met_by_rays, open_followed, ray_covariances
 from tracker.evidence._held import Held, held_in, turning
 from tracker.evidence._shares import gaps_picture, over_views
 from tracker.evidence.measures.account import Account

@@ -21,15 +21,7 @@ from typer.core import TyperGroup
 
 from tracker.foundation.configuration.components import ask_before_plugins
 from tracker.foundation.errors import ConfigError, TrackerError, os_fault
-from tracker.running.commands.acquire import acquire
-from tracker.running.commands.configuration import init, show
-from tracker.running.commands.detect import detect
-from tracker.running.commands.result import result_app
-from tracker.running.commands.rig import calibrate_app, rig_app
-from tracker.running.commands.run import demo, run
-from tracker.running.commands.simulate import simulate
-from tracker.running.commands.surface import measure, strain
-from tracker.running.commands.terminal import (
+from tracker.running.commands import (
     Config,
     Frames,
     Output,
@@ -42,6 +34,14 @@ from tracker.running.commands.terminal import (
     quiet_libraries,
     with_range,
 )
+from tracker.running.commands.acquire import acquire
+from tracker.running.commands.configuration import init, show
+from tracker.running.commands.detect import detect
+from tracker.running.commands.result import result_app
+from tracker.running.commands.rig import calibrate_app, rig_app
+from tracker.running.commands.run import demo, run
+from tracker.running.commands.simulate import simulate
+from tracker.running.commands.surface import measure, strain
 from tracker.running.commands.view import view
 
 _ANEW = "--overwrite"

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tracker.foundation.errors import ConfigError
-from tracker.running.commands.terminal import Overrides, ProgressBar, console, done, with_range
+from tracker.running.commands import Overrides, ProgressBar, console, done, with_range
 
 if TYPE_CHECKING:
     from tracker.running.jobs.acquire import AcquireOutcome

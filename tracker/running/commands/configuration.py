@@ -11,7 +11,7 @@ import typer
 from rich.table import Table
 
 from tracker.foundation.errors import ConfigError
-from tracker.running.commands.terminal import Overwrite, console
+from tracker.running.commands import Overwrite, console
 
 
 def init(

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tracker.running.commands.terminal import Frames, Overrides, ProgressBar, console, with_range
+from tracker.running.commands import Frames, Overrides, ProgressBar, console, with_range
 
 
 def detect(
@@ -26,7 +26,7 @@ def detect(
     set_: Overrides = None,
 ) -> None:
     """Finds 2-D keypoints in all views, where there are none yet; `run` uses them where `keypoints` says so."""
-    from tracker.running.detecting import detect, told, wanted
+    from tracker.running.detections import detect, told, wanted
 
     asked = wanted(config, with_, output, with_range(set_, frames))
     with ProgressBar() as progress:

@@ -10,8 +10,8 @@ import typer
 from rich.table import Table
 
 from tracker.foundation.errors import ConfigError
+from tracker.running.commands import Overwrite, ProgressBar, console, marked
 from tracker.running.commands.evaluate import evaluate, recognize
-from tracker.running.commands.terminal import Overwrite, ProgressBar, console, marked
 
 if TYPE_CHECKING:
     from tracker.evidence.level_set import LevelSetEvidence

@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from tracker.foundation.errors import CalibrationError, ConfigError
-from tracker.running.commands.terminal import Output, Overrides, Overwrite, ProgressBar, console, done, marked
+from tracker.running.commands import Output, Overrides, Overwrite, ProgressBar, console, done, marked
 
 if TYPE_CHECKING:
     from tracker.cameras.rig import Rig

@@ -13,8 +13,8 @@ from rich.table import Table
 
 from tracker.foundation.errors import ConfigError
 from tracker.foundation.progress import in_words
+from tracker.running.commands import Frames, Overrides, ProgressBar, console, done, with_range
 from tracker.running.commands.evaluate import print_evaluation
-from tracker.running.commands.terminal import Frames, Overrides, ProgressBar, console, done, with_range
 
 if TYPE_CHECKING:
     from tracker.running.batching import Summary

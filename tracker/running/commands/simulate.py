@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from tracker.foundation.errors import InitializationError
-from tracker.running.commands.terminal import ProgressBar, console, marked
+from tracker.running.commands import ProgressBar, console, marked
 
 if TYPE_CHECKING:
     from tracker.results.evaluation.comparison import PersonErrors
@@ -93,7 +93,7 @@ def _tracked(config: Path, folder: Path) -> PersonErrors | None:
     """Errors of tracking the recording from its first frame on; None if the person is not found in it."""
     from tracker.foundation.files import write_json
     from tracker.results.evaluation.comparison import evaluate
-    from tracker.running.commands.terminal import done
+    from tracker.running.commands import done
     from tracker.running.jobs import load_job
 
     try:

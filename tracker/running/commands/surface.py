@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from tracker.foundation.errors import ConfigError
-from tracker.running.commands.terminal import (
+from tracker.running.commands import (
     Config,
     Frames,
     Output,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tracker.running.commands.terminal import Overrides, Overwrite, ProgressBar, console
+from tracker.running.commands import Overrides, Overwrite, ProgressBar, console
 
 if TYPE_CHECKING:
     from tracker.results.result import Result

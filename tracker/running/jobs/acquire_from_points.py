@@ -11,8 +11,8 @@ import numpy as np
 import pydantic
 
 from tracker.acquisition.clouds import Cloud, Mark, MeasuredMoment, read_cloud
-from tracker.acquisition.from_points import FromPoints, Moment, PointSettings, acquire_from_points
 from tracker.acquisition.pictures import Silhouette, read_silhouette
+from tracker.acquisition.posed_points import FromPoints, Moment, PointSettings, acquire_from_points
 from tracker.acquisition.result import Panel
 from tracker.acquisition.shape_space import ShapeSpace, space_of
 from tracker.bodies.body import BodyModel

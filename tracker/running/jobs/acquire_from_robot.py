@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import ClassVar
 
-from tracker.acquisition.from_robot import RobotFile, body_of, stands_at
+from tracker.acquisition.robot import RobotFile, body_of, stands_at
 from tracker.bodies.robots import Robot
 from tracker.bodies.robots.mjcf import read_mjcf
 from tracker.bodies.robots.urdf import read_urdf
