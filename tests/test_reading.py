@@ -33,6 +33,7 @@ from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import load_rig, save_rig
 from tracker.foundation.errors import CalibrationError, SequenceError
 from tracker.images import reading
+from tracker.images.reading._pictures import check_size
 from tracker.images.reading.video import VideoReading, VideoView
 
 
@@ -127,6 +128,14 @@ def test_a_negative_offset_leaves_a_view_out_of_the_first_frames(copied: Path, k
     assert shown(recording)[:4] == [
         ((0, 0), (1, 0), None), ((0, 1), (1, 1), None), ((0, 2), (1, 2), (2, 0)), ((0, 3), (1, 3), (2, 1))
     ]  # fmt: skip
+
+
+def test_copies_with_bars_are_told_apart_from_images_of_another_size() -> None:
+    check_size("cam01", np.zeros((1920, 1088, 3), np.uint8), (1088, 1920))
+    for width, bars in ((1080, True), (540, False)):
+        with pytest.raises(CalibrationError, match="take the calibration of these images") as refused:
+            check_size("cam01", np.zeros((1920, width, 3), np.uint8), (1088, 1920))
+        assert ("black bars" in str(refused.value)) == bars
 
 
 @both

@@ -29,6 +29,10 @@ _MOST_PIXELS = 2**28
 """268 million, 0.8 GB: four times the largest camera."""
 
 
+_NEARLY = 0.05
+"""Share by which images of another size than calibrated may be those of a copy with bars: 1080 of 1088 px are usual."""
+
+
 def check_size(name: str, image: Image | Packed, expected: tuple[int, int], source: str = "") -> None:
     """Compares an image with the calibrated size.
 
@@ -46,6 +50,11 @@ def check_size(name: str, image: Image | Packed, expected: tuple[int, int], sour
         mended = "take the calibration of these images"
         if source:
             mended = "it must be as large as the images are recorded"
+        elif max(abs(width / expected[0] - 1), abs(height / expected[1] - 1)) < _NEARLY:
+            mended += (
+                ", or make these anew at that size: are there black bars at their borders? "
+                "docs/from_other_programs.md has the command that takes them off"
+            )
         if (height, width) == tuple(expected):
             mended = (
                 "are the images turned upright? `bodytrack rig convert RIG rig.toml --upright` makes the rig of those"
