@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from tracker.evidence.measures.account import Account
@@ -54,6 +54,9 @@ class Estimate:
 
     search_s: float = 0.0
     """Time spent searching, seconds; the rest of the estimation is refinement."""
+
+    vain: Mapping[str, float] = field(default_factory=dict)
+    """Groups of parameters that were searched in this frame in vain -> share that is still left over."""
 
     status: Status = Status.TRACKED
     """How the pose came about."""

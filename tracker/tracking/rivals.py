@@ -42,7 +42,7 @@ def weighed(objective: Objective, mine: Estimate, rival: Estimate) -> Estimate:
         return mine
     covariance = _of_both(best.covariance, other.covariance, theirs)
     found = objective.estimate(q, covariance, mine.evaluations + 2 + len(limbs))
-    return replace(found, search_s=mine.search_s)
+    return replace(found, search_s=mine.search_s, vain=mine.vain)
 
 
 def found_twice(scene: Scene, mine: Sequence[Estimate], rivals: Sequence[Estimate]) -> tuple[bool, ...]:

@@ -12,6 +12,7 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence.measures.account import LONG_FRAMES
 from tracker.foundation.arrays import Array, Integers, Mask, frozen
+from tracker.tracking.budget import Tries
 from tracker.tracking.estimate import Estimate, Status
 from tracker.tracking.start import Start, confidence
 
@@ -107,8 +108,8 @@ class Replay:
         return tuple(replace(one, q=q) for one, q in pairs) if self.as_tracked else self.estimates
 
 
-# Weight of a new frame in what is usual: half of it is forgotten in 6 frames.
-_NEWS = 0.11
+_FORGOTTEN_AFTER = 32
+"""Frames without a search after which searches in vain are forgotten: twice the longest wait."""
 
 KEPT = 16
 """Frames of a history at most."""
@@ -116,7 +117,7 @@ KEPT = 16
 
 @dataclass(frozen=True)
 class History:
-    """Poses of one person in the frames that were not lost, oldest first, and how well they explained the images."""
+    """Poses of one person in the frames that were not lost, oldest first, and what was searched in vain."""
 
     times: Array
     """(T,) seconds."""
@@ -124,11 +125,8 @@ class History:
     poses: Array
     """(T, dof) rad and m."""
 
-    usual_px: Array | None = None
-    """(2, P) running means of each part's visible contour and of what is left over there, px; None at a start."""
-
-    n_frames: int = 0
-    """Frames tracked since the start."""
+    tries: Mapping[str, Tries] = field(default_factory=dict)
+    """Group of parameters -> searches in vain."""
 
     unseen: Integers | None = None
     """(V, P) for how many frames, up to the last one, a view has not shown a part that others do; None for no part."""
@@ -152,17 +150,9 @@ class History:
             return History.start(time_s, estimate.q)
         times = np.append(self.times, time_s)[-window:]
         poses = np.concatenate([self.poses, estimate.q[None]])[-window:]
-        usual_px = np.stack([estimate.account.visible_px, estimate.account.left_over_px])
-        if self.usual_px is not None and estimate.search_s == 0:
-            # What a search could not explain is usual from now on: it need not be searched again.
-            usual_px = (1 - _NEWS) * self.usual_px + _NEWS * usual_px
-        return History(
-            frozen(times),
-            frozen(poses),
-            frozen(usual_px),
-            self.n_frames + 1,
-            _counted(self.unseen, estimate.account.not_shown),
-        )
+        tries = {g: so_far.after(False) for g, so_far in self.tries.items() if so_far.frames < _FORGOTTEN_AFTER}
+        tries |= {g: self.tries.get(g, Tries()).after(True, share) for g, share in estimate.vain.items()}
+        return History(frozen(times), frozen(poses), tries, _counted(self.unseen, estimate.account.not_shown))
 
 
 def _counted(unseen: Integers | None, not_shown: Mask | None) -> Integers | None:

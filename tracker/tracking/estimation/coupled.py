@@ -34,5 +34,5 @@ class CoupledEstimation:
             objective = objective.observed_again(estimate.q)
             again = self.of.estimate(objective, estimate.q[None])
             counted, spent = again.evaluations + estimate.evaluations, again.search_s + estimate.search_s
-            estimate = replace(again, evaluations=counted, search_s=spent)
+            estimate = replace(again, evaluations=counted, search_s=spent, vain={**estimate.vain, **again.vain})
         return estimate

@@ -9,8 +9,9 @@ import numpy as np
 import pydantic
 
 from tracker.bodies.body import BodyModel
-from tracker.foundation.arrays import Array, Mask
+from tracker.foundation.arrays import Array
 from tracker.foundation.configuration.components import component
+from tracker.tracking.budget import Tries
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.estimation import Estimation
 from tracker.tracking.estimation.best_first import BestFirstEstimation
@@ -51,20 +52,14 @@ class HybridEstimation:
     """Share left over above which a group that is no limb is searched: trunk and head, of which clothes and hair leave
     over up to 0.3 in frames where nothing is wrong."""
 
-    unusual: float = pydantic.Field(default=0.06, ge=0, le=1)
-    """The same, by how much the share must be less than is usual for the group: a model that does not quite fit leaves
-    something unexplained in every frame."""
+    # See docs/lab/vain_searches.md.
+    worse: float = pydantic.Field(default=0.06, ge=0, le=1)
+    """The same, by how much the share must be more than the last search has left over, where that was in vain and the
+    wait after it is not over: a model that does not quite fit leaves something unexplained in every frame."""
 
-    most_usual: float = pydantic.Field(default=0.35, ge=0, le=1)
-    """Share above which a limb is poor however usual that is: one in the wrong place leaves over more (see
-    `loss.ambiguous_above`)."""
-
-    poor_every: int = pydantic.Field(default=3, ge=1)
-    """Frames after which a limb whose usual state is that poor is searched again. In every frame, a person whom no
-    model fits costs seconds a frame, to no avail."""
-
-    again_every: int = pydantic.Field(default=10, ge=1)
-    """Frames after which a group is searched even if its poor state is usual."""
+    again_after: int = pydantic.Field(default=4, ge=1)
+    """Frames after which a group that stays poor is searched again; after the second search in vain twice as many, and
+    four times as many from then on. In every frame, a person whom no model fits costs seconds a frame, to no avail."""
 
     min_visible_px: float = pydantic.Field(default=100.0, ge=0)
     """Groups that show less contour than this over all views are judged as if they showed so much, px."""
@@ -80,10 +75,10 @@ class HybridEstimation:
         order = np.argsort(objective(starts), kind="stable")
         first = order[: self.refined]
         refined = self.then.estimate(objective, starts[first])
-        weak = self._weak_groups(objective, refined)
+        weak = self._worth_searching(objective, refined)
         if len(starts) > len(first) and (weak or self.search):
             refined = likelier(objective, refined, self.then.estimate(objective, starts[order[len(first) :]]))
-            weak = self._weak_groups(objective, refined)
+            weak = self._worth_searching(objective, refined)
         if objective.nearby or not (weak or self.search):
             return refined
         begin = time.perf_counter()
@@ -92,38 +87,47 @@ class HybridEstimation:
             again = self.then.estimate(objective, searched.q[None])
             again = replace(again, evaluations=again.evaluations + searched.evaluations)
             refined = likelier(objective, refined, again)
-            weak = self._weak_groups(objective, refined)
+        refined = self._limbs_searched(objective, refined)
+        left_over = self._left_over(objective.body, refined)
+        vain = {group: left_over[group] for group in weak if left_over[group] > self._allowed(objective.body, group)}
+        return replace(refined, search_s=time.perf_counter() - begin, vain=vain)
+
+    def _limbs_searched(self, objective: Objective, estimate: Estimate) -> Estimate:
+        """The estimate with weak limbs where they are likeliest, exchanged or elsewhere."""
+        weak = self._worth_searching(objective, estimate)
         for _ in range(self.rounds):
-            before = refined
+            before = estimate
             for propose in (exchanged.propose, elsewhere.propose):
                 for limb in _limbs_of(objective.body, weak):
-                    refined = tried(objective, refined, limb, propose, self.then)
-                weak = self._weak_groups(objective, refined)
-            if not weak or refined.q is before.q:
+                    estimate = tried(objective, estimate, limb, propose, self.then)
+                weak = self._worth_searching(objective, estimate)
+            if not weak or estimate.q is before.q:
                 break
-        return replace(refined, search_s=time.perf_counter() - begin)
+        return estimate
 
-    def _weak_groups(self, objective: Objective, estimate: Estimate) -> tuple[str, ...]:
-        """Fine groups whose contours the scene explains too little, or that leave too much of the scene unexplained."""
-        body, history = objective.body, objective.history
-        usual_px = None if history is None else history.usual_px
-        if history is not None and history.n_frames % self.again_every == 0:
-            usual_px = None
-        weak, left_over_px = [], estimate.account.left_over_px
-        for group in body.fine_groups:
-            parts = body.parts_of(group)
-            allowed = 1 - self.search_below if group in body.limbs else self.trunk_above
-            if usual_px is not None:
-                usual = self._share(usual_px[0], usual_px[1], parts)
-                poor = usual > self.most_usual and history is not None and history.n_frames % self.poor_every == 0
-                allowed = max(allowed, self.unusual + (self.most_usual if poor else usual))
-            if self._share(estimate.account.visible_px, left_over_px, parts) > allowed:
+    def _worth_searching(self, objective: Objective, estimate: Estimate) -> tuple[str, ...]:
+        """Fine groups that leave too much over, unless they were searched in vain a short while ago."""
+        body, tries = objective.body, {} if objective.history is None else objective.history.tries
+        weak = []
+        for group, share in self._left_over(body, estimate).items():
+            so_far = tries.get(group, Tries())
+            resting = not so_far.due(self.again_after, 4 * self.again_after) and share <= so_far.share + self.worse
+            if share > self._allowed(body, group) and not resting:
                 weak.append(group)
         return tuple(weak)
 
-    def _share(self, visible_px: Array, left_over_px: Array, parts: Mask) -> float:
-        """How much is left over of some parts' contour, over the contour."""
-        return float(left_over_px[parts].sum() / max(float(visible_px[parts].sum()), self.min_visible_px))
+    def _allowed(self, body: BodyModel, group: str) -> float:
+        """The share that may be left over of a group that is not poor."""
+        return 1 - self.search_below if group in body.limbs else self.trunk_above
+
+    def _left_over(self, body: BodyModel, estimate: Estimate) -> dict[str, float]:
+        """Fine group -> how much of model and scene is left over there, over its contour."""
+        left_over_px, visible_px = estimate.account.left_over_px, estimate.account.visible_px
+        of_groups = {group: body.parts_of(group) for group in body.fine_groups}
+        return {
+            group: float(left_over_px[parts].sum() / max(float(visible_px[parts].sum()), self.min_visible_px))
+            for group, parts in of_groups.items()
+        }
 
 
 def _limbs_of(body: BodyModel, groups: tuple[str, ...]) -> list[str]:

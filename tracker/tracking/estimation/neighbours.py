@@ -54,13 +54,12 @@ class NeighboursEstimation:
 
     def estimate(self, objective: Objective, starts: Array) -> Estimate:
         """The best of what was found and of its refined neighbours."""
-        best, body = self.of.estimate(objective, starts), objective.body
-        search_s = best.search_s
+        found, body = self.of.estimate(objective, starts), objective.body
+        best = found
         for group in body.limbs:
             if left_over_of(best.account.of(body.parts_of(group))) > self.above:
                 best = self._best_neighbour(objective, best, starts, group)
-        # neighbours are tried in most frames: what is left over then is no sign that a search was in vain
-        return replace(best, search_s=search_s)
+        return replace(best, search_s=found.search_s, vain=found.vain)
 
     def _best_neighbour(self, objective: Objective, estimate: Estimate, starts: Array, group: str) -> Estimate:
         """The estimate, or a refined neighbour that is clearly better."""
