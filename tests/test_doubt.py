@@ -25,7 +25,7 @@ from tracker.results.recording._series import Series
 from tracker.results.recording.csv_table import CsvTable
 from tracker.tracking.doubt import Because, Doubt
 from tracker.tracking.doubts import Doubts, ranges
-from tracker.tracking.estimate import Status
+from tracker.tracking.estimate import Estimate, Status
 from tracker.tracking.initialization._person_sized import enlarged
 from tracker.tracking.limb_probabilities import left_over_of, limb_probabilities, limb_spreads_m, limbs_left_over
 from tracker.tracking.loss import (
@@ -36,7 +36,6 @@ from tracker.tracking.loss import (
     sought_anew,
     trusted_parts,
 )
-from tracker.tracking.rivals import found_twice
 from tracker.tracking.sequence import track
 from tracker.tracking.start import Start
 from tracker.tracking.trajectory import Step
@@ -272,40 +271,27 @@ def test_an_ambiguous_limb_is_not_learned_from(truth: Scene, observation: Observ
         assert not trusted_parts(body, doubtful).any()
 
 
+def looked_for(estimate: Estimate, n_frames: int, rule: LossRule) -> list[int]:
+    """The frames in which a person is looked for anew whose estimate is the same in all of them."""
+    troubles, found = Troubles(), list[int]()
+    for n in range(n_frames):
+        if sought_anew(estimate, troubles, rule):
+            found.append(n)
+        troubles = troubles.after(estimate, rule)
+    return found
+
+
 def test_who_is_lost_for_long_is_looked_for_more_seldom(truth: Scene, observation: Observation) -> None:
     lost = replace(estimate_of(truth, observation), status=Status.LOST)
-    looked = [n for n in range(100) if sought_anew(lost, Troubles.of_lost(n), False, LossRule())]
-    assert looked == [0, 3, 6, 12, 24, 48, 72, 96]
-    often = LossRule(restart_every=1)
-    assert [n for n in range(7) if sought_anew(lost, Troubles.of_lost(n), False, often)] == [0, 1, 2, 4]
-
-
-def test_whom_another_way_in_doubt_has_led_to_the_same_pose_is_not_looked_for_anew(
-    truth: Scene, observation: Observation
-) -> None:
-    sure, arm = estimate_of(truth, observation), truth.persons[0].body.index("left_arm_elevation")
-    doubtful, elsewhere = in_doubt(sure, whole=True), sure.q.copy()
-    elsewhere[arm] += np.radians(60 if elsewhere[arm] < 0 else -60)
-    for rival, same in (
-        (doubtful, True),
-        (in_doubt(sure, "left_arm"), True),
-        (sure, False),
-        (replace(doubtful, q=elsewhere), False),
-        (replace(doubtful, status=Status.LOST), False),
-    ):
-        assert found_twice(truth, [doubtful], [rival]) == (same,)
-    assert found_twice(truth, [replace(doubtful, status=Status.LOST)], [doubtful]) == (False,)
-    assert found_twice(truth, [doubtful], ()) == (False,)
-    assert not any(sought_anew(doubtful, Troubles(doubted=n), True, LossRule()) for n in range(100))
-    assert sought_anew(doubtful, Troubles.of_lost(1), True, LossRule())
-    assert sought_anew(replace(doubtful, status=Status.LOST), Troubles(), True, LossRule())
+    assert looked_for(lost, 100, LossRule()) == [0, 3, 9, 21, 45, 69, 93]
+    assert looked_for(lost, 16, LossRule(restart_every=1)) == [0, 1, 3, 7, 15]
 
 
 def test_for_a_single_limb_nobody_is_looked_for_anew(truth: Scene, observation: Observation) -> None:
     sure = estimate_of(truth, observation)
     limb, limbs = in_doubt(sure, "left_arm"), in_doubt(sure, "left_arm", "right_leg")
-    for one, looked in ((sure, []), (limb, []), (limbs, [4, 9]), (in_doubt(sure, whole=True), [4, 9])):
-        assert [n for n in range(30) if sought_anew(one, Troubles(doubted=n), False, LossRule())] == looked
+    for one, looked in ((sure, []), (limb, []), (limbs, [4, 9, 19]), (in_doubt(sure, whole=True), [4, 9, 19])):
+        assert looked_for(one, 30, LossRule()) == looked
 
 
 def test_a_limb_whose_place_nothing_tells_is_told_and_not_searched(truth: Scene, observation: Observation) -> None:

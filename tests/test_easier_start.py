@@ -167,49 +167,48 @@ def test_an_interrupted_run_is_followed_back_again(simulation: Simulation) -> No
         assert one.estimates[0].status is other.estimates[0].status
 
 
+def looked_for(estimates: Sequence[Estimate], rule: LossRule, found: Estimate | None = None) -> list[int]:
+    """The frames in which a person is looked for anew, and what is found in them, if anything is."""
+    troubles, frames = Troubles(), list[int]()
+    for n, one in enumerate(estimates):
+        sought = sought_anew(one, troubles, rule)
+        frames += [n] if sought else []
+        troubles = troubles.after(found if sought and found is not None else one, rule)
+    return frames
+
+
 def test_the_doubted_are_looked_for_ever_more_rarely(simulation: Simulation) -> None:
     cycle = cycle_for(simulation, TurnedRoundAtFirst(simulation, until=0))
     step = next(track(itertools.islice(simulation.frames(), 1, None), simulation.scene, cycle))
-    doubtful = in_doubt(step.estimates[0], whole=True)
+    doubtful, rule = in_doubt(step.estimates[0], whole=True), LossRule(again_after=5)
     fine = in_doubt(step.estimates[0])
-    asked = [n + 1 for n in range(100) if sought_anew(doubtful, Troubles(doubted=n), False, LossRule(again_after=5))]
-    assert asked == [5, 10, 40]
-    assert not any(sought_anew(fine, Troubles(doubted=n), False, LossRule(again_after=5)) for n in range(100))
-    assert sought_anew(fine, Troubles.of_lost(1), False, LossRule())  # seen again after a loss
+    assert looked_for([doubtful] * 100, rule) == [4, 9, 19, 39, 79]
+    assert looked_for([fine] * 100, rule) == []
+    lost = replace(fine, status=Status.LOST)
+    assert sought_anew(fine, Troubles.of_lost(1, lost, rule), rule), "seen again after a loss"
 
 
 def test_who_is_lost_is_searched_for_at_once_and_then_where_he_is_looked_for_anew(simulation: Simulation) -> None:
     cycle = cycle_for(simulation, TurnedRoundAtFirst(simulation, until=0))
     step = next(track(itertools.islice(simulation.frames(), 1, None), simulation.scene, cycle))
     lost, rule = replace(step.estimates[0], status=Status.LOST), LossRule(restart_every=3)
-    due = [n for n in range(60) if sought_anew(lost, Troubles.of_lost(n), False, rule)]
-    assert due == [0, 3, 6, 12, 24, 48]
-    assert [n for n in range(60) if not is_out_of_sight(Troubles.of_lost(n), rule)] == [0, 1, 2, *due[1:]]
+    due = looked_for([lost] * 60, rule)
+    assert due == [0, 3, 9, 21, 45]
+    in_sight = [n for n in range(60) if not is_out_of_sight(Troubles.of_lost(n, lost, rule), rule)]
+    assert in_sight == [0, 1, 2, *due[1:]]
 
 
 def test_who_is_lost_again_and_again_is_looked_for_as_rarely_as_who_stays_lost(simulation: Simulation) -> None:
-    """Each time beyond the first, unless he was there without doubt in between."""
+    """Unless he was there without doubt in between."""
     cycle = cycle_for(simulation, TurnedRoundAtFirst(simulation, until=0))
     step = next(track(itertools.islice(simulation.frames(), 1, None), simulation.scene, cycle))
     fine, rule = in_doubt(step.estimates[0]), LossRule(restart_every=3, again_after=100)
     lost, doubtful = replace(fine, status=Status.LOST), in_doubt(fine, whole=True)
     anew = replace(doubtful, status=Status.RECOVERED)
-
-    def looked_for(estimates: Sequence[Estimate], found: Estimate | None = None) -> list[int]:
-        """The frames in which it is, and what is found in them, if anything is."""
-        troubles, frames = Troubles(), list[int]()
-        for n, one in enumerate(estimates):
-            sought = sought_anew(one, troubles, False, rule)
-            frames += [n] if sought else []
-            troubles = troubles.after(found if sought and found is not None else one)
-        return frames
-
-    assert looked_for([lost, fine] * 4) == list(range(8))
-    assert looked_for([lost, lost, doubtful] * 8) == [0, 2, 4, 9, 18]
-    assert looked_for([lost] * 30, anew) == looked_for([lost] * 30) == [0, 3, 6, 12, 24], "lost at once when found"
-    assert looked_for([lost] * 5, fine) == list(range(5))
-    assert looked_for([lost, lost, *[doubtful] * 5, lost]) == [0, 2]
-    assert looked_for([lost, lost, *[doubtful] * 6, lost]) == [0, 2, 8], "seen for three times as long as lost"
+    assert looked_for([lost, fine] * 4, rule) == list(range(8))
+    assert looked_for([lost, lost, doubtful] * 8, rule) == [0, 2, 9, 21]
+    assert looked_for([lost] * 30, rule, anew) == looked_for([lost] * 30, rule), "lost at once when found"
+    assert looked_for([lost] * 5, rule, fine) == list(range(5))
 
 
 def test_who_has_left_is_not_searched_for_in_every_frame(
@@ -232,7 +231,11 @@ def test_who_has_left_is_not_searched_for_in_every_frame(
     cycle = cycle_for(simulation, TrueStart(simulation), loss=rule, estimation=Watched())
     steps = list(track(with_images(simulation, shown), simulation.scene, cycle))
     assert [step.estimates[0].lost for step in steps] == [False] + [True] * 8
-    assert sum(asked) == sum(is_out_of_sight(Troubles.of_lost(n), rule) for n in range(8)) == 4
+    assert (
+        sum(asked)
+        == sum(is_out_of_sight(Troubles.of_lost(n, steps[1].estimates[0], rule), rule) for n in range(8))
+        == 4
+    )
 
 
 def test_who_is_doubted_is_found_anew_where_the_images_speak_for_it(simulation: Simulation) -> None:

@@ -68,10 +68,6 @@ def _only_lost(function: Callable[..., Any], given: Given) -> bool:
     return bool((estimate.lost or before.lost) and function(*given.places, **given.names))
 
 
-def _not_twice(function: Callable[..., Any], given: Given) -> tuple[bool, ...]:
-    return (False,) * len(given.places[1])
-
-
 def _no_poses(function: Callable[..., Any], given: Given) -> Any:
     return np.empty((0, len(given.places[1]))), 0
 
@@ -128,8 +124,6 @@ RULES = (
          _told_otherwise),
     Rule("sought_anew", "doubt", "who is long doubted is looked for as if never seen", "33",
          (f"{_TRACKING}.cycle_turn:sought_anew",), _only_lost, lambda found, without: found != without),
-    Rule("found_twice", "doubt", "not if two ways in doubt led to the same pose", "35",
-         (f"{_TRACKING}.cycle_turn:found_twice",), _not_twice, lambda found, without: found != without),
     Rule("in_view", "doubt", "whom fewer than two views show is lost, a limb ambiguous", "23",
          (f"{_TRACKING}.outcome:judged_in_view",), _argument(2), _told_otherwise),
     Rule("in_space", "doubt", "of two persons in one place the worse is lost", "24",

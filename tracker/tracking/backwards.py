@@ -65,7 +65,7 @@ def tracked_back(
         other = others.get(frame.index)
         seconds, estimates = ({}, ()) if other is None else (other.seconds, other.estimates)
         step = advance(sight, step.scene, cycle, state, Clock(seconds), estimates)
-        state = state.after(sight, step, cycle.evidence)
+        state = state.after(sight, step, cycle.evidence, cycle.loss)
         yield replace(step, frame=frame, start=None if other is None else other.start)
 
 

@@ -65,10 +65,12 @@ def _turned(at: Pass, steps: Sequence[Step], cycle: Cycle) -> Pass:
     """A pass that goes back in time from the first of some steps, having gone through them."""
     first = steps[0]
     # what is followed from image to image is in the last one: it is taken up anew in the first
-    at_first = at.state.after(Sight(first.frame, cycle.plates, first.model_px), first, cycle.evidence)
+    at_first = at.state.after(Sight(first.frame, cycle.plates, first.model_px), first, cycle.evidence, cycle.loss)
     ways = zip(*(step.estimates for step in steps), strict=True)
     frames_lost = tuple(sum(1 for _ in itertools.takewhile(lambda one: one.lost, way)) for way in ways)
-    state = replace(turned(at_first, first), troubles=tuple(map(Troubles.of_lost, frames_lost)))
+    losses = zip(frames_lost, first.estimates, strict=True)
+    troubles = tuple(Troubles.of_lost(n_frames, one, cycle.loss) for n_frames, one in losses)
+    state = replace(turned(at_first, first), troubles=troubles)
     if state.nobody_found:
         # lost in this very frame, as where it is dark: who is in those soon after it waits where he was seen last, or
         # nobody would be looked for in all frames before

@@ -91,7 +91,7 @@ class State:
         """Whether no person was found in any frame yet."""
         return all(history is None for history in self.histories)
 
-    def after(self, sight: Sight, step: Step, evidence: Evidence) -> State:
+    def after(self, sight: Sight, step: Step, evidence: Evidence, loss: LossRule) -> State:
         """The state one frame on."""
         histories, troubles = [], []
         for history, before, estimate in zip(self.histories, self.troubles, step.estimates, strict=True):
@@ -100,7 +100,7 @@ class State:
             elif not estimate.lost:
                 history = History.start(step.frame.time_s, estimate.q)
             histories.append(history)
-            troubles.append(before.after(estimate))
+            troubles.append(before.after(estimate, loss))
         pairs = zip(step.scene.persons, step.estimates, strict=True)
         trusted = np.concatenate([trusted_parts(person.body, estimate) for person, estimate in pairs], axis=1)
         memory = evidence.learned(self.memory, sight, step.scene, step.fitted, trusted)

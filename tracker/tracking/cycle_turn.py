@@ -24,7 +24,7 @@ from tracker.tracking.objective import Objective
 from tracker.tracking.other_places import in_likeliest_places
 from tracker.tracking.outcome import finished, still_lost
 from tracker.tracking.overlap import judged_in_space
-from tracker.tracking.rivals import found_twice, weighed
+from tracker.tracking.rivals import weighed
 from tracker.tracking.single_view import with_vague_limbs
 from tracker.tracking.start import Start
 from tracker.tracking.strangers import hide_strangers
@@ -88,9 +88,8 @@ def advance(
     estimates = list(judged_in_space(current, tuple(estimates)))
     frames_lost = tuple(one.lost for one in state.troubles)
     estimates = still_lost(sight, current, cycle.synthesis, estimates, frames_lost, cycle.loss.least_views)
-    twice = found_twice(current, estimates, rivals)
-    waits = zip(estimates, state.troubles, twice, strict=True)
-    sought = [k for k, so_far in enumerate(waits) if sought_anew(*so_far, cycle.loss)]
+    pairs = enumerate(zip(estimates, state.troubles, strict=True))
+    sought = [k for k, (one, before) in pairs if sought_anew(one, before, cycle.loss)]
     if sought:
         with clock("initialization"):
             current, estimates, start = _recover(sight, current, cycle, state, estimates, sought)

@@ -161,7 +161,7 @@ def _followed_back(first: int, last: Frame, scene: Scene, cycle: Cycle, reopen: 
         everybody = range(len(begun.persons))
         estimates, scene = settled(begun, cycle, observed, Status.BOOTSTRAPPED, colours, everybody)
     step = Step(last, scene, estimates, cycle.synthesis.contours(scene))
-    state = State.before(scene).after(sight, step, cycle.evidence)
+    state = State.before(scene).after(sight, step, cycle.evidence, cycle.loss)
     replays = {last.index: as_replay(step)}
     for earlier in tracked_back(frames_before(last, first, reopen), step, state, cycle, 2 * last.time_s):
         cycle.progress(f"start: followed back to frame {first}, {earlier.frame.index - first} frames to go")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pydantic
@@ -11,12 +11,15 @@ import pydantic
 from tracker.bodies.body import BodyModel
 from tracker.foundation.arrays import Mask
 from tracker.foundation.configuration.components import component
+from tracker.tracking.budget import Tries
 from tracker.tracking.doubt import Because, Doubt
 from tracker.tracking.estimate import Estimate, Status
 from tracker.tracking.limb_probabilities import limb_probabilities, limbs_left_over
 
-# In so many times of `restart_every` somebody who is lost is looked for once at least.
+# In so many times of `restart_every` somebody who is lost is looked for once at least: he may come back.
 _SELDOM = 8
+# Who is in doubt is looked for ever more seldom.
+_NEVER = 1 << 60
 
 
 @component
@@ -53,10 +56,10 @@ class LossRule:
     `tracker.tracking.single_view`."""
 
     restart_every: int = pydantic.Field(default=3, ge=1)
-    """A lost person is initialized anew in the frame of the loss, so many frames later, and again whenever it has been
-    lost for twice as long, or for eight times so many frames more: of who has left the room for long every search is in
-    vain, and beside somebody else's shadow it takes seconds. Who is lost again, and was in doubt all the while, counts
-    as lost on. A second pass finds who comes back from the first frame on."""
+    """A lost person is initialized anew in the frame of the loss, so many frames later, and then after twice as many
+    each time, up to eight times so many: of who has left the room for long every search is in vain, and beside somebody
+    else's shadow it takes seconds. Who is lost again, and was in doubt all the while, is looked for no sooner. A second
+    pass finds who comes back from the first frame on."""
 
     start_within: int = pydantic.Field(default=25, ge=1)
     """Frames, from the first one on that shows somebody, in which the first initialization must succeed."""
@@ -84,10 +87,10 @@ class LossRule:
     # See docs/lab/limits_and_vain_searches.md.
     again_after: int = pydantic.Field(default=5, ge=1)
     """Frames doubted one after the other after which a person who is doubtful, or of whom several limbs are in doubt,
-    is looked for as if never seen. Doubted on, again after twice as many, and then after four times as many, and so on,
-    except where another way in doubt has led to the same pose: without plates each time takes 15 s, of one of two
-    persons 35 to 75, and for bodies that no model fits, or that the views hardly show, it is in vain. Legs exchanged
-    for 40 frames are found at once; without plates, arms and legs in the tenth frame of doubt."""
+    is looked for as if never seen; doubted on, again after as many, and then after twice as many each time: without
+    plates each time takes 15 s, of one of two persons 35 to 75, and for bodies that no model fits, or that the views
+    hardly show, it is in vain. Legs exchanged for 40 frames are found at once; without plates, arms and legs in the
+    tenth frame of doubt."""
 
 
 def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
@@ -124,38 +127,35 @@ def trusted_parts(body: BodyModel, estimate: Estimate) -> Mask:
 
 @dataclass(frozen=True)
 class Troubles:
-    """For how long a person has been lost or in doubt, frames before this one."""
+    """For how long a person has been lost or in doubt, before this frame."""
 
     lost: int = 0
-    """One after the other."""
+    """Frames one after the other."""
 
-    doubted: int = 0
-    """One after the other that were doubtful, or had an ambiguous limb."""
+    tries: Tries = field(default_factory=Tries)
+    """Searches since the person was last there without doubt."""
 
-    losses: int = 0
-    """Times lost or found anew; none once the person is there without doubt, or in doubt for three frames a loss."""
+    again: bool = False
+    """Whether the person was lost before, without having been there undoubted in between."""
 
-    seen: int = 0
-    """One after the other in which the person was neither, in doubt."""
-
-    def after(self, estimate: Estimate) -> Troubles:
+    def after(self, estimate: Estimate, loss: LossRule) -> Troubles:
         """One frame on."""
-        if estimate.lost:
-            return Troubles(self.lost + 1, 0, self.losses + 1)
-        if not doubted(estimate):
+        if not (estimate.lost or doubted(estimate)):
             return Troubles()
-        if estimate.status is Status.RECOVERED:
-            return Troubles(0, self.doubted + 1, self.losses + 1)
-        long = self.seen + 1 >= 3 * self.losses
-        return Troubles(0, self.doubted + 1, 0 if long else self.losses, 0 if long else self.seen + 1)
+        searched = estimate.status is Status.RECOVERED or sought_anew(estimate, self, loss)
+        again = self.again or (self.lost > 0 and not estimate.lost)
+        return Troubles(self.lost + 1 if estimate.lost else 0, self.tries.after(searched), again)
 
     @staticmethod
-    def of_lost(n_frames: int) -> Troubles:
-        """Those of somebody who has been lost for so long."""
-        return Troubles(n_frames, 0, n_frames)
+    def of_lost(n_frames: int, estimate: Estimate, loss: LossRule) -> Troubles:
+        """Those of somebody who has been lost for so long, as an estimate is."""
+        troubles = Troubles()
+        for _ in range(n_frames):
+            troubles = troubles.after(estimate, loss)
+        return troubles
 
 
-def sought_anew(estimate: Estimate, before: Troubles, found_twice: bool, loss: LossRule) -> bool:
+def sought_anew(estimate: Estimate, before: Troubles, loss: LossRule) -> bool:
     """Whether a person is looked for anew in this frame.
 
     One that was lost is, even when the pose it was lost at explains the images again: limbs have moved meanwhile. For a
@@ -166,27 +166,23 @@ def sought_anew(estimate: Estimate, before: Troubles, found_twice: bool, loss: L
     Args:
         estimate: in this frame.
         before: the person's troubles so far.
-        found_twice: whether another way has led to the same pose, in doubt as well; see `tracking.rivals.found_twice`.
         loss: the rule.
     """
     if estimate.lost:
-        return _is_due(before.losses, loss)
+        return _is_due(before, loss)
     if before.lost:
-        return before.losses == before.lost
-    times, rest = divmod(before.doubted + 1, loss.again_after)
+        return not before.again
     as_a_whole = estimate.doubtful or len(estimate.limbs_in_doubt) > 1
-    due = rest == 0 and times.bit_count() == 1 and (times == 1 or times.bit_length() % 2 == 0)  # 1, 2, 8, 32
-    return due and as_a_whole and not found_twice
+    return as_a_whole and before.tries.due(loss.again_after, _NEVER, first=loss.again_after - 1)
 
 
 def is_out_of_sight(before: Troubles, loss: LossRule) -> bool:
     """Whether a person has been lost for longer than for a moment, and is not looked for anew in this frame either."""
-    return before.lost > loss.restart_every and not _is_due(before.losses, loss)
+    return before.lost > loss.restart_every and not _is_due(before, loss)
 
 
-def _is_due(losses: int, loss: LossRule) -> bool:
-    times, rest = divmod(losses, loss.restart_every)
-    return rest == 0 and (times.bit_count() <= 1 or times % _SELDOM == 0)
+def _is_due(before: Troubles, loss: LossRule) -> bool:
+    return before.tries.due(loss.restart_every, _SELDOM * loss.restart_every)
 
 
 def doubted(estimate: Estimate) -> bool:

@@ -211,14 +211,14 @@ def _begun(one: Hypothesis, start: Start, k: int, frame: Frame, scene: Scene, cy
     colours = cache(partial(part_colours, sight, scene))
     estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED, colours, (k,))
     step = Step(frame, scene, estimates, cycle.synthesis.contours(scene))
-    state = State.before(scene).after(sight, step, cycle.evidence)
+    state = State.before(scene).after(sight, step, cycle.evidence, cycle.loss)
     return _Trial(one, scene, state, (estimates[k],))
 
 
 def _continued(trial: _Trial, k: int, sight: Sight, cycle: Cycle) -> _Trial:
     step = advance(sight, trial.scene, cycle, trial.state)
     found = (*trial.found, step.estimates[k])
-    return _Trial(trial.hypothesis, step.scene, trial.state.after(sight, step, cycle.evidence), found)
+    return _Trial(trial.hypothesis, step.scene, trial.state.after(sight, step, cycle.evidence, cycle.loss), found)
 
 
 def _following(frame: Frame, reopen: Reopen, n: int) -> Iterator[Frame]:

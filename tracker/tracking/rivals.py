@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from tracker.bodies.limbs import are_apart, taken_over
-from tracker.bodies.scene import Scene
 from tracker.foundation.arrays import Array, Mask
 from tracker.tracking.estimate import Estimate
-from tracker.tracking.loss import doubted
 from tracker.tracking.objective import Objective
 from tracker.tracking.verdict import explains_better
 
@@ -43,22 +40,6 @@ def weighed(objective: Objective, mine: Estimate, rival: Estimate) -> Estimate:
     covariance = _of_both(best.covariance, other.covariance, theirs)
     found = objective.estimate(q, covariance, mine.evaluations + 2 + len(limbs))
     return replace(found, search_s=mine.search_s, vain=mine.vain)
-
-
-def found_twice(scene: Scene, mine: Sequence[Estimate], rivals: Sequence[Estimate]) -> tuple[bool, ...]:
-    """Of each person, whether two ways have led to the same pose, although it was in doubt on the other one, too.
-
-    Args:
-        scene: the persons.
-        mine: their estimates at hand.
-        rivals: what was found in another way; empty for nothing.
-    """
-    if not rivals:
-        return (False,) * len(mine)
-    return tuple(
-        not one.lost and doubted(rival) and not are_apart(person.body, one.q, rival.q)
-        for person, one, rival in zip(scene.persons, mine, rivals, strict=True)
-    )
 
 
 def _of_both(one: Array, other: Array, theirs: Mask) -> Array:

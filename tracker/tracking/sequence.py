@@ -70,7 +70,7 @@ def track(
                 step = replayed(frame, scene, cycle, done[frame.index])
             else:
                 step, back = tracked(sight, scene, cycle, state, looking, clock)
-            state = state.after(sight, step, cycle.evidence)
+            state = state.after(sight, step, cycle.evidence, cycle.loss)
             scene = step.scene
             yield step
 

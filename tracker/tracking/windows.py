@@ -93,7 +93,7 @@ def after(begin: Pass, steps: Sequence[Step], cycle: Cycle) -> Pass:
     state, before = begin.state, begin.before
     for step in steps:
         sight = Sight(step.frame, cycle.plates, None if before is None else before.model_px)
-        state, before = state.after(sight, step, cycle.evidence), step
+        state, before = state.after(sight, step, cycle.evidence, cycle.loss), step
     n_looked_in = sum(step.frame.index >= cycle.nobody_before for step in steps)
     still = _unconfirmed(begin, steps)
     return Pass(steps[-1].scene, state, steps[-1], begin.n_frames + n_looked_in, unconfirmed=still)
@@ -219,7 +219,7 @@ def _forwards(frames: Sequence[Frame], begin: Pass, cycle: Cycle, reopen: Reopen
             n = at.n_frames + (sight.frame.index >= cycle.nobody_before)
             looking = Looking(n >= cycle.loss.start_within, reopen, at.back)
             step, back = tracked(sight, at.scene, cycle, at.state, looking, clock)
-            at = Pass(step.scene, at.state.after(sight, step, cycle.evidence), step, n, back)
+            at = Pass(step.scene, at.state.after(sight, step, cycle.evidence, cycle.loss), step, n, back)
             steps.append(step)
     return steps, at
 

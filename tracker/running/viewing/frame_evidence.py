@@ -95,7 +95,7 @@ def seen_in_frame(result: Result, number: int, person: str) -> SeenFrame:
         sight, step = Sight(frame, _plates(result, sequence.plates)), _step(result, frame, replay)
         if frame.index == number:
             return _seen(result, (job.evidence, job.prediction), (sight, step, state), who)
-        state = state.after(sight, step, job.evidence)
+        state = state.after(sight, step, job.evidence, job.loss)
     raise ConfigError(f"{result.folder}: the recording has no image of frame {number} any more")
 
 
