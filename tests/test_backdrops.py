@@ -27,7 +27,7 @@ from tracker.images.reading.video import VideoReading
 from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.sequence import Simulation
-from tracker.tracking.found_before import StartedBefore
+from tracker.tracking.bootstrapping import first_start
 from tracker.tracking.initialization import Backdrops, Stages
 from tracker.tracking.initialization._foregrounds import foregrounds, outlined, segmented
 from tracker.tracking.initialization._hypotheses import least_left
@@ -286,7 +286,7 @@ def test_plates_of_the_recording_that_show_the_person_are_not_used(
     cycle = cycle_for(simulation, TrueStart(simulation), plates=made)  # type: ignore[arg-type]
     kept = without_persons(cycle, simulation.scene, simulation.frames)
     assert [plate is not None for plate in kept.plates] == [are_used, are_used, True, True]
-    assert isinstance(kept.initialization, StartedBefore) == are_used, "before other plates another one may be found"
+    assert (kept.before.start is not None) == are_used, "before other plates another one may be found"
     assert without_persons(replace(cycle, plates=plates), simulation.scene, simulation.frames).plates == plates
 
 
@@ -295,7 +295,7 @@ def test_a_start_before_plates_of_the_recording_is_not_looked_for_again(simulati
     initialization, first = TrueStart(simulation), next(iter(simulation.frames()))
     kept = without_persons(cycle_for(simulation, initialization, plates=plates), simulation.scene, simulation.frames)
     stages, scene = kept.stages, simulation.scene
-    found = kept.initialization.start(first, scene, stages)
+    found = first_start(first, scene, kept)
     assert initialization.asked == [0]
     np.testing.assert_array_equal(found.poses[0], TrueStart(simulation).start(first, scene, stages).poses[0])
     kept.initialization.start(first, scene, replace(stages, seen_before=True))

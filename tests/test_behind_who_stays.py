@@ -26,7 +26,6 @@ from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.sequence import Recipe, Simulation, write_sequence
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.easier_start import LedBack
-from tracker.tracking.found_before import StartedBefore
 from tracker.tracking.loss import LossRule
 from tracker.tracking.recorded_plates import behind_who_stays
 from tracker.tracking.sequence import Looking, tracked
@@ -104,10 +103,10 @@ def test_who_was_followed_back_from_a_later_frame_starts_in_the_first_one(
 
     monkeypatch.setattr(recorded_plates, "tracked", led_back)
     found = behind_who_stays(cycle, simulation.scene, simulation.frames)
-    start = found.initialization
-    assert isinstance(start, StartedBefore)
-    assert (start.frame, start.found.sureness, list(found.known)) == (0, (0.9,), [0, 1])
-    np.testing.assert_array_equal(start.found.poses[0], first.estimates[0].q)
+    start = found.before.start
+    assert start is not None
+    assert (found.before.frame, start.sureness, list(found.before.estimates)) == (0, (0.9,), [0, 1])
+    np.testing.assert_array_equal(start.poses[0], first.estimates[0].q)
 
 
 @pytest.fixture(scope="module")
@@ -159,8 +158,7 @@ def test_plates_are_left_alone_where_they_tell_nothing_or_nobody_was_surely_foun
     assert behind_who_stays(one_view, simulation.scene, simulation.frames) is one_view
     in_doubt = behind_who_stays(replace(cycle, loss=LossRule(doubtful_above=0.0)), simulation.scene, simulation.frames)
     assert in_doubt.plates == cycle.plates
-    assert isinstance(in_doubt.initialization, StartedBefore), "the same would be looked for again"
-    assert in_doubt.initialization.frame == 0
+    assert in_doubt.before.start_in(0) is not None, "the same would be looked for again"
 
 
 def test_who_stands_out_from_the_backdrops_may_be_in_doubt(simulation: Simulation) -> None:

@@ -32,10 +32,11 @@ from tracker.running.jobs.track import TrackJob
 from tracker.running.programs import Run
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.sequence import Recipe, Simulation, write_sequence
+from tracker.tracking.bootstrapping import first_start
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
-from tracker.tracking.found_before import StartedBefore, gone_again, knowing
+from tracker.tracking.found_before import FoundBefore
 from tracker.tracking.initialization import Initialization
 from tracker.tracking.loss import LossRule
 from tracker.tracking.objective import Objective
@@ -259,18 +260,14 @@ def test_a_start_is_not_looked_for_again_but_those_of_other_frames_are(filmed: S
     first, second = itertools.islice(filmed.frames(), 2)
     steps, _ = there([first], filmed.scene, cycle)
     known, start = {0: steps[0].estimates}, steps[0].start
-    more = knowing(knowing(cycle, known, start), known, start)
-    assert more.known == known
-    again = more.initialization
-    assert isinstance(again, StartedBefore)
-    assert again.otherwise is cycle.initialization
-    np.testing.assert_array_equal(again.start(first, filmed.scene, cycle.stages).poses[0], steps[0].estimates[0].q)
+    more = cycle.knowing(known, start).knowing(known, start)
+    assert more.before.estimates == known
+    np.testing.assert_array_equal(first_start(first, filmed.scene, more).poses[0], steps[0].estimates[0].q)
     np.testing.assert_array_equal(
-        again.start(second, filmed.scene, cycle.stages).poses,
-        cycle.initialization.start(second, filmed.scene, cycle.stages).poses,
+        first_start(second, filmed.scene, more).poses, first_start(second, filmed.scene, cycle).poses
     )
     unsure = {0: (in_doubt(steps[0].estimates[0], whole=True),)}
-    assert knowing(cycle, unsure, start).initialization is cycle.initialization
+    assert cycle.knowing(unsure, start).before.start is None
 
 
 def test_edges_alone_make_no_body(filmed: Simulation, as_general: Scene, general: BodyDescription) -> None:
@@ -288,7 +285,7 @@ def test_the_run_starts_with_the_poses_that_bodies_were_fitted_at(
     found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
     first = next(iter(filmed.frames()))
     known = {step.frame.index: step.estimates for step in found.steps}
-    start = knowing(cycle, known, found.start).initialization.start(first, as_general, cycle.stages)
+    start = first_start(first, as_general, cycle.knowing(known, found.start))
     np.testing.assert_array_equal(start.poses[0], found.steps[0].estimates[0].q)
     assert not np.array_equal(found.fits[0].body.shapes, as_general.persons[0].body.shapes)
 
@@ -301,7 +298,7 @@ def test_the_way_found_before_is_gone_again_beside_itself(filmed: Simulation) ->
     (one, other), beside = (steps[k].estimates[0].q for k in (1, 2)), np.full(person.body.dof, 0.01)
 
     def again(q: np.ndarray, known: dict[int, tuple[Estimate, ...]], index: int) -> tuple[np.ndarray | None, ...]:
-        return gone_again(filmed.scene.with_pose(0, q), replace(cycle, known=known), index)
+        return FoundBefore(estimates=known).gone_again(filmed.scene.with_pose(0, q), index)
 
     np.testing.assert_allclose(again(one + beside, known, 20)[0], person.body.clamped(other + beside), atol=1e-12)
     assert again(one + beside, known, 25) == ()
@@ -314,9 +311,10 @@ def test_what_is_known_is_taken_where_it_explains_more(filmed: Simulation, monke
     cycle = cycle_for(filmed, TrueStart(filmed, off_deg=0.0, off_m=0.0), estimation=ArmUp())
     steps, _ = there(list(filmed.frames()), filmed.scene, cycle)
     true = {k: (replace(steps[k].estimates[0], q=filmed.poses[0][k]),) for k in range(N_FRAMES)}
+    knowing = replace(cycle, before=FoundBefore(estimates=true))
     off, near = (
         [float(np.abs(step.estimates[0].q - filmed.poses[0][step.frame.index]).max()) for step in taken]
-        for taken in (steps, there(list(filmed.frames()), filmed.scene, replace(cycle, known=true))[0])
+        for taken in (steps, there(list(filmed.frames()), filmed.scene, knowing)[0])
     )
     assert min(off) > 0.2
     assert max(near[1:]) < 0.001

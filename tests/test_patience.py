@@ -17,6 +17,7 @@ from tracker.images.plate import Plate
 from tracker.images.sight import Sight
 from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.bootstrapping import bootstrap
+from tracker.tracking.found_before import FoundBefore
 from tracker.tracking.initialization import Stages
 from tracker.tracking.initialization.pca import PcaInitialization
 from tracker.tracking.loss import LossRule
@@ -78,7 +79,7 @@ def test_who_was_looked_for_in_vain_is_not_looked_for_in_the_same_frame_again(si
     recorded = tuple(replace(plate, recorded=True) for plate in simulation.plates)
     cycle = without_persons(cycle_for(simulation, start, plates=recorded), simulation.scene, simulation.frames)
     frame = next(simulation.frames())
-    for again in (cycle, replace(cycle, known={})):
+    for again in (cycle, replace(cycle, before=FoundBefore())):
         step = bootstrap(Sight(frame, again.plates), simulation.scene, again)
         assert step.why_unfound == "frame 0: a cupboard"
     assert start.asked == [0]

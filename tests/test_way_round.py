@@ -20,7 +20,6 @@ from tracker.tracking import windows
 from tracker.tracking.cycle import Cycle
 from tracker.tracking.doubt import Because
 from tracker.tracking.estimate import Status
-from tracker.tracking.found_before import knowing
 from tracker.tracking.initialization import Stages
 from tracker.tracking.loss import LossRule
 from tracker.tracking.sequence import track
@@ -120,7 +119,7 @@ def test_what_is_known_of_the_first_frame_alone_does_not_keep_who_faces_the_othe
     cycle = cycle_for(simulation, facing(simulation, turned=True), loss=DOUBTING)
     assert min(errors_mm(simulation, doubted)) > 50
     known = {step.frame.index: step.estimates for step in doubted[:n_known]}
-    steps = twice(simulation, knowing(cycle, known, doubted[0].start, believed=True))
+    steps = twice(simulation, cycle.knowing(known, doubted[0].start, believed=True))
     assert (max(errors_mm(simulation, steps)) < 10) == (n_known == 1)
 
 

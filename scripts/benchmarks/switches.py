@@ -109,7 +109,7 @@ RULES = (
     Rule("elsewhere", "search", "a weak limb is looked for wherever it may be", "7, 34",
          (f"{_TRACKING}.proposals.elsewhere:propose",), _no_poses, _any_poses),
     Rule("refined_again", "search", "poses known from the body's fit are refined, and not predicted", "new",
-         (f"{_TRACKING}.sequence:gone_again",), _constant(())),
+         (f"{_TRACKING}.found_before:FoundBefore.gone_again",), _constant(())),
     Rule("second_pass", "way back", "windows with doubt, and first frames, are tracked back", "39, 40",
          (f"{_TRACKING}.windows:back",), _as_list, _told_otherwise),
     Rule("rivals", "way back", "poses of two ways are weighed, limb by limb", "41",

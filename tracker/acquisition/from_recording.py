@@ -27,7 +27,7 @@ from tracker.foundation.arrays import Array
 from tracker.foundation.resources import give_back
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.estimate import Estimate
-from tracker.tracking.found_before import knowing, start_of
+from tracker.tracking.found_before import start_of
 from tracker.tracking.loss import doubted
 from tracker.tracking.rehearsal import Reopen
 from tracker.tracking.start import Start
@@ -250,7 +250,7 @@ def fit_bodies(
         cycle.progress("bodies: the frames are tracked anew, with what the persons carry")
         with_things = {k: _with(spaces[k], carried_of(some)) for k, some in things.items()}
         laden = scene.with_bodies({k: space.description.build() for k, space in with_things.items()})
-        known = knowing(cycle, *_as_found(way.found.steps), believed=True)
+        known = cycle.knowing(*_as_found(way.found.steps), believed=True)
         way = following.there(laden, {**spaces, **with_things}, known)
         things = {k: tracked_with(some, *_poses(way, k)) for k, some in things.items()}
     found = way.found
@@ -313,7 +313,7 @@ def _named(way: _Way, scene: Scene, following: _Following) -> _Way:
     if order is None:
         return way
     way.cycle.progress("bodies: the persons may have each other's names, since one is as tall as another should be")
-    known = knowing(way.cycle, *_as_found(way.found.steps, order), believed=True)
+    known = way.cycle.knowing(*_as_found(way.found.steps, order), believed=True)
     other, whom = following.there(scene, way.spaces, known), way.found.fits.keys()
     if apart_m(*_bodies(scene, other.found), whom) >= apart_m(*_bodies(scene, way.found), whom):
         return way

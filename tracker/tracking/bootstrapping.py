@@ -86,6 +86,8 @@ def first_start(frame: Frame, scene: Scene, cycle: Cycle) -> Start:
         InitializationError: nobody was found.
         GivenUpError: the time that may be spent is over.
     """
+    if (known := cycle.before.start_in(frame.index)) is not None:
+        return known
     stages, patience = cycle.stages, cycle.patience
     asked = (*(person.body for person in scene.persons), *stages.plates, cycle.initialization)
     if why := patience.why_not(frame.index, asked):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,10 +15,12 @@ from tracker.images.sight import Sight
 from tracker.synthesis import Synthesis
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.estimation import Estimation
+from tracker.tracking.found_before import FoundBefore
 from tracker.tracking.initialization import Backdrops, Initialization, Stages, no_backdrops
-from tracker.tracking.loss import LossRule, Troubles, trusted_parts
+from tracker.tracking.loss import LossRule, Troubles, doubted, trusted_parts
 from tracker.tracking.patience import Patience
 from tracker.tracking.prediction import Prediction
+from tracker.tracking.start import Start
 from tracker.tracking.trajectory import History, Step
 
 
@@ -50,12 +52,29 @@ class Cycle:
     nobody_before: int = 0
     """Number of the first frame in which somebody is looked for."""
 
-    known: Mapping[int, Sequence[Estimate]] = field(default_factory=dict)
-    """Frame -> what was found there for each person in another way; poses tracked forwards are weighed against it."""
+    seeks: bool = True
+    """Whether who is lost, or long in doubt, is looked for anew."""
 
-    refines_known: bool = True
-    """Whether these poses are refined where nothing doubts them, see `found_before.gone_again`; else all are predicted
-    and weighed. Found in views that are out of step they keep of it: of delays of 24 and 36 ms 19 and 30 were told."""
+    before: FoundBefore = field(default_factory=FoundBefore)
+    """What is known of the recording."""
+
+    def knowing(
+        self, known: Mapping[int, Sequence[Estimate]], start: Start | None = None, believed: bool = False
+    ) -> Cycle:
+        """The cycle, which weighs what was found before in the first frames, and looks for nobody who was found there.
+
+        Unless somebody is in doubt in the first frame.
+
+        Args:
+            known: frame -> what was found, in order.
+            start: how persons were found, in the first frame or a later one.
+            believed: however doubtful.
+        """
+        first, estimates = next(iter(known.items()))
+        if any(one.lost or (not believed and doubted(one)) for one in estimates):
+            return replace(self, before=replace(self.before, estimates=known))
+        found = replace(start or Start(()), poses=tuple(one.q for one in estimates))
+        return replace(self, before=FoundBefore(found, first, believed=True, estimates=known))
 
     @property
     def stages(self) -> Stages:

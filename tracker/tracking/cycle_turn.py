@@ -163,6 +163,8 @@ def _recover(
     for k in sought:
         if not recovered[k].lost and state.troubles[k].lost:
             recovered[k] = replace(recovered[k], status=Status.RECOVERED)
+    if not cycle.seeks:
+        return scene, recovered, None
     held = tuple(k for k in range(len(scene.persons)) if k not in sought)
     try:
         start = cycle.initialization.start(sight.frame, scene, replace(cycle.stages, held=held, seen_before=True))

@@ -10,13 +10,11 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence.measures.part_colours import part_colours
 from tracker.foundation.errors import InitializationError
-from tracker.images.plate import Plate
 from tracker.images.sight import Sight
 from tracker.tracking.backwards import as_replay, frames_before, tracked_back
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.cycle_turn import settled
 from tracker.tracking.estimate import Status
-from tracker.tracking.initialization import Initialization, Stages
 from tracker.tracking.rehearsal import Reopen, rehearsed
 from tracker.tracking.start import Start, sureness
 from tracker.tracking.strangers import hide_strangers
@@ -76,22 +74,6 @@ def led_back(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> LedBack 
     return LedBack(frame.index, start, replays) if back_px < here_px else None
 
 
-class _NoOtherStart(Initialization):
-    """Finds nobody on the way back from a start: the way shows where this start leads, and not where another one would.
-
-    Balancing without plates, from frame 10, was led back from a wrong start in frame 40 with a search of 60 s in every
-    frame or two: 22 minutes of processor time for what is 31 mm off either way.
-    """
-
-    def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
-        """Needs nothing."""
-        return ""
-
-    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        """Raises an InitializationError."""
-        raise InitializationError(f"frame {frame.index}: nobody is looked for anew on the way back from a start")
-
-
 def _sure_but_for_limbs(start: Start, sure: float) -> bool:
     """Whether a start is sure enough, or likely and in doubt for limbs alone: tracking looks for these in any frame.
 
@@ -147,8 +129,13 @@ def _later(first: Frame, reopen: Reopen, delays_s: tuple[float, ...]) -> Iterato
 
 
 def _followed_back(first: int, last: Frame, scene: Scene, cycle: Cycle, reopen: Reopen) -> dict[int, Replay]:
-    """The frames from `last` back to the number `first`, as estimates; the start is that of the scene."""
-    cycle = replace(cycle, initialization=_NoOtherStart())
+    """The frames from `last` back to the number `first`, as estimates; the start is that of the scene.
+
+    The way shows where this start leads, and not where another one would: nobody is looked for anew. Balancing without
+    plates, from frame 10, was led back from a wrong start in frame 40 with a search of 60 s in every frame or two: 22
+    minutes of processor time for what is 31 mm off either way.
+    """
+    cycle = replace(cycle, seeks=False)
     sight = Sight(last, cycle.plates)
     hide_strangers(sight, scene, cycle.synthesis)
     observed = cycle.evidence.observe(sight, cycle.synthesis.contours(scene))

@@ -1,88 +1,64 @@
-"""Tracking that knows what was found in some frames before: who stands there is not looked for again."""
+"""What is known of a recording before it is followed through: who stands there is not looked for again."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 from tracker.bodies.limbs import are_apart
 from tracker.bodies.scene import Scene
-from tracker.cameras.frame import Frame
 from tracker.foundation.arrays import Array
-from tracker.images.plate import Plate
-from tracker.tracking.cycle import Cycle
 from tracker.tracking.estimate import Estimate
-from tracker.tracking.initialization import Initialization, Stages
 from tracker.tracking.loss import doubted
 from tracker.tracking.start import Start
 from tracker.tracking.trajectory import Step
 
 
-def knowing(
-    cycle: Cycle, known: Mapping[int, Sequence[Estimate]], start: Start | None = None, believed: bool = False
-) -> Cycle:
-    """The cycle, which weighs what was found before in the first frames, and looks for nobody who was found there.
+@dataclass(frozen=True)
+class FoundBefore:
+    """How persons stand in the first frame, and in those after it, as far as that was found in another way."""
 
-    Unless somebody is in doubt in the first frame.
+    start: Start | None = None
+    """Poses of the first frame, which are not looked for; None where they are."""
 
-    Args:
-        cycle: the components.
-        known: frame -> what was found, in order.
-        start: how persons were found, in the first frame or a later one.
-        believed: however doubtful.
-    """
-    first, estimates = next(iter(known.items()))
-    cycle = replace(cycle, known=known)
-    if any(one.lost or (not believed and doubted(one)) for one in estimates):
-        return cycle
-    ever = cycle.initialization
-    ever = ever.otherwise if isinstance(ever, StartedBefore) else ever
-    found = replace(start or Start(()), poses=tuple(one.q for one in estimates))
-    # However sure: the way back has come to these poses.
-    settled = replace(cycle.loss, rehearse=0, look_ahead_s=(), look_on_s=())
-    return replace(cycle, initialization=StartedBefore(found, first, ever), loss=settled)
+    frame: int = -1
+    """Number of that frame."""
 
+    believed: bool = False
+    """Whether the start is neither rehearsed nor looked for in later frames, however sure it is."""
 
-def gone_again(scene: Scene, cycle: Cycle, index: int) -> tuple[Array | None, ...]:
-    """For each person the pose (dof,) that the way found before leads to from where she is; None where none does.
+    estimates: Mapping[int, Sequence[Estimate]] = field(default_factory=dict)
+    """Frame -> what was found there for each person, in order; poses tracked forwards are weighed against it."""
 
-    What lies between the two ways in the frame before, another body's joints, lies between them here.
+    refined: bool = True
+    """Whether these poses are refined where nothing doubts them, see `gone_again`; else all are predicted and weighed.
+    Found in views that are out of step they keep of it: of delays of 24 and 36 ms 19 and 30 were told."""
 
-    Args:
-        scene: the persons in the frame before.
-        cycle: knows what was found.
-        index: number of the frame.
-    """
-    here = cycle.known.get(index, ())
-    if not (here and cycle.refines_known):
-        return ()
-    before = cycle.known.get(max((k for k in cycle.known if k < index), default=index), here)
-    poses: list[Array | None] = []
-    for k, person in enumerate(scene.persons):
-        sure = not (here[k].lost or doubted(here[k]) or before[k].lost)
-        near = sure and not are_apart(person.body, person.q, before[k].q)
-        poses.append(person.body.clamped(person.q + here[k].q - before[k].q) if near else None)
-    return tuple(poses)
+    def start_in(self, index: int) -> Start | None:
+        """The start of a frame, if it is known."""
+        return self.start if index == self.frame else None
+
+    def gone_again(self, scene: Scene, index: int) -> tuple[Array | None, ...]:
+        """For each person the pose (dof,) that the way found before leads to from where she is; None where none does.
+
+        What lies between the two ways in the frame before, another body's joints, lies between them here.
+
+        Args:
+            scene: the persons in the frame before.
+            index: number of the frame.
+        """
+        here = self.estimates.get(index, ())
+        if not (here and self.refined):
+            return ()
+        before = self.estimates.get(max((k for k in self.estimates if k < index), default=index), here)
+        poses: list[Array | None] = []
+        for k, person in enumerate(scene.persons):
+            sure = not (here[k].lost or doubted(here[k]) or before[k].lost)
+            near = sure and not are_apart(person.body, person.q, before[k].q)
+            poses.append(person.body.clamped(person.q + here[k].q - before[k].q) if near else None)
+        return tuple(poses)
 
 
 def start_of(steps: Iterable[Step]) -> Start | None:
     """How persons were found in some steps; None if none of these tells."""
     return next((step.start for step in steps if step.start is not None), None)
-
-
-@dataclass(frozen=True)
-class StartedBefore:
-    """Starts in one frame as was found before, and in others, or where somebody was seen before it, as ever."""
-
-    found: Start
-    frame: int
-    otherwise: Initialization
-
-    def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
-        """As that which is used elsewhere; see `tracker.tracking.initialization.Initialization.check`."""
-        return self.otherwise.check(scene, plates)
-
-    def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        """See `tracker.tracking.initialization.Initialization.start`."""
-        known = frame.index == self.frame and not (stages.held or stages.seen_before)
-        return self.found if known else self.otherwise.start(frame, scene, stages)

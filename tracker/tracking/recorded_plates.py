@@ -18,7 +18,7 @@ from tracker.images.plate import Plate
 from tracker.images.sight import LEAST_COVERED, Sight
 from tracker.tracking.bootstrapping import first_start
 from tracker.tracking.cycle import Cycle, State
-from tracker.tracking.found_before import StartedBefore, knowing
+from tracker.tracking.found_before import FoundBefore
 from tracker.tracking.rehearsal import Reopen
 from tracker.tracking.sequence import Looking, tracked
 from tracker.tracking.start import Start
@@ -57,7 +57,7 @@ def without_persons(cycle: Cycle, scene: Scene, frames: Callable[[], Iterator[Fr
     else:
         covered = Sight(frame, cycle.plates).covered(cycle.synthesis.silhouettes(scene.with_poses(start.poses)))
         if covered >= LEAST_COVERED:
-            return replace(cycle, initialization=StartedBefore(start, frame.index, cycle.initialization))
+            return replace(cycle, before=FoundBefore(start, frame.index))
         log.info("plates of the recording's own are not used: %.0f %% of the persons stand out", 100 * covered)
     return replace(cycle, plates=tuple(None if plate is None or plate.recorded else plate for plate in cycle.plates))
 
@@ -99,7 +99,7 @@ def behind_who_stays(cycle: Cycle, scene: Scene, reopen: Reopen) -> Cycle:
     )
     # in doubt, too: before these plates another start could be found than they are made for, and without them the same
     # would be looked for again, which took 200 s
-    return knowing(replace(cycle, plates=plates), known, start, believed=True)
+    return replace(cycle, plates=plates).knowing(known, start, believed=True)
 
 
 def _unknown_behind(plate: Plate, sight: Sight, view: int, model: Mask, stand_out: bool) -> Plate:

@@ -113,8 +113,8 @@ def _ranked(
     """The hypotheses of person k with what they leave over on average, the best one first."""
     # A hypothesis that is lost, or long in doubt, must not be rescued by a new bootstrapping: what that finds would be
     # judged in its place. Without plates five of them took 215 of the 336 s that a start took.
-    held = replace(cycle.loss, lost_below=0.0, least_views=0, again_after=cycle.loss.rehearse + 2)
-    cycle = replace(cycle, loss=held)
+    held = replace(cycle.loss, lost_below=0.0, least_views=0)
+    cycle = replace(cycle, loss=held, seeks=False)
 
     def begun(one: Hypothesis) -> _Trial:
         return _begun(one, start, k, frame, scene, cycle)

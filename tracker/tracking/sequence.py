@@ -19,7 +19,6 @@ from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.cycle_turn import advance
 from tracker.tracking.easier_start import LedBack, led_back
 from tracker.tracking.estimate import Status
-from tracker.tracking.found_before import gone_again
 from tracker.tracking.outcome import covered_px
 from tracker.tracking.rehearsal import Reopen, rehearsed
 from tracker.tracking.start import Start
@@ -114,8 +113,9 @@ def tracked(
     if begun is not None:
         step = begun
     else:
-        known = cycle.known.get(sight.frame.index, ())
-        step = advance(sight, scene, cycle, state, clock, known, gone_again(scene, cycle, sight.frame.index))
+        index, before = sight.frame.index, cycle.before
+        known, again = before.estimates.get(index, ()), before.gone_again(scene, index)
+        step = advance(sight, scene, cycle, state, clock, known, again)
     if back is not None and step.start is None:
         step = replace(step, start=back.start_in(sight.frame))
     return step, back
@@ -125,7 +125,7 @@ def _begun(sight: Sight, scene: Scene, cycle: Cycle, looking: Looking) -> tuple[
     """The first frame, and what a surer start in a later one makes of it."""
     if sight.frame.index < cycle.nobody_before:
         return unfound(sight, scene, cycle), None
-    if looking.reopen is None:
+    if looking.reopen is None or cycle.before.believed:
         return bootstrap(sight, scene, cycle, looking.give_up), None
     choose = partial(rehearsed, frame=sight.frame, scene=scene, cycle=cycle, reopen=looking.reopen)
     step = bootstrap(sight, scene, cycle, looking.give_up, choose)

@@ -13,7 +13,7 @@ from typing import TypeVar
 from tracker.bodies.limbs import turned_round
 from tracker.tracking.cycle import Cycle
 from tracker.tracking.doubt import Because, Doubt
-from tracker.tracking.found_before import knowing, start_of
+from tracker.tracking.found_before import start_of
 from tracker.tracking.loss import doubted
 from tracker.tracking.start import RATHER_RIGHT
 from tracker.tracking.trajectory import Step
@@ -106,8 +106,8 @@ def _begun_turned_round(cycle: Cycle, steps: Sequence[Step], k: int) -> Cycle:
     """The cycle, which starts as some steps did, but with person k turned round; nobody is lost in the first step."""
     estimates = list(steps[0].estimates)
     estimates[k] = replace(estimates[k], q=turned_round(steps[0].scene.persons[k].body, estimates[k].q))
-    known = knowing(cycle, {steps[0].frame.index: estimates}, start_of(steps), believed=True)
-    return replace(known, known=cycle.known)
+    begun = cycle.knowing({steps[0].frame.index: estimates}, start_of(steps), believed=True)
+    return replace(begun, before=replace(begun.before, estimates=cycle.before.estimates, refined=cycle.before.refined))
 
 
 def _leave_less(others: Sequence[Step], steps: Sequence[Step], k: int) -> bool:

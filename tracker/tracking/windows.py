@@ -197,7 +197,7 @@ def _alike(steps: Sequence[Step], others: Sequence[Step]) -> bool:
 
 def _gone_through(window: Sequence[Frame], cycle: Cycle) -> bool:
     """Whether all frames were followed before, not only those up to a start: whether to turn was asked then."""
-    return window[-1].index in cycle.known
+    return window[-1].index in cycle.before.estimates
 
 
 def _in_doubt(step: Step, loss: LossRule) -> bool:

@@ -48,7 +48,6 @@ from tracker.running.jobs._recorded import compared_views
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.cycle import Cycle
 from tracker.tracking.estimate import Estimate
-from tracker.tracking.found_before import knowing
 from tracker.tracking.initialization import Initialization
 from tracker.tracking.initialization.auto import AutoInitialization
 from tracker.tracking.initialization.keypoints import KeypointInitialization
@@ -157,8 +156,8 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
     opened = replace(opened, scene=scene, fitted_at=tuple(map(line_of, steps)), findings=findings)
     opened = replace(opened, alignment=found_of_views)
     # with the same bodies the same start would be found again, and those begun the other way round as they were before
-    cycle = knowing(cycle, known, found.start, believed=not found.fits)
-    return opened, replace(cycle, refines_known=not of_views)
+    cycle = cycle.knowing(known, found.start, believed=not found.fits)
+    return opened, replace(cycle, before=replace(cycle.before, refined=not of_views))
 
 
 def _unlike(person: Subject, fitted_m: float) -> Iterator[str]:

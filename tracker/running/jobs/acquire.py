@@ -39,7 +39,6 @@ from tracker.running.jobs import ResultFolder, described, execute, job_from
 from tracker.running.jobs._acquired import Acquired, AcquireOutcome
 from tracker.running.jobs.track import OpenedTrack, TrackJob
 from tracker.tracking.cycle import Cycle
-from tracker.tracking.found_before import knowing
 from tracker.tracking.sequence import track
 from tracker.tracking.trajectory import Step
 
@@ -73,7 +72,7 @@ class AcquireJob(TrackJob):
             steps = _told(track(frames, scene, cycle, reopen=sequence.frames), n_frames, progress)
             first = next(steps)
             steps = itertools.chain([first], steps)
-            cycle = knowing(cycle, {first.frame.index: first.estimates}, first.start)
+            cycle = cycle.knowing({first.frame.index: first.estimates}, first.start)
             seen = best_seen(steps, person, n_frames, settings.frames, doubted_too=True)
             fitted = fit_to_views(space, (shape, person), seen, watching, settings, progress)
             if found is None:

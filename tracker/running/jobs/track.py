@@ -79,7 +79,6 @@ from tracker.running.jobs._told import (
 from tracker.synthesis import Synthesis
 from tracker.tracking.cycle import Cycle
 from tracker.tracking.estimation import Estimation
-from tracker.tracking.found_before import knowing
 from tracker.tracking.initialization import Initialization
 from tracker.tracking.loss import LossRule
 from tracker.tracking.prediction import Prediction
@@ -289,8 +288,9 @@ class TrackJob:
             opened, cycle = with_fitted_bodies(opened, self.persons, cycle)
         elif opened.known:
             found = compared_by_known(opened.known, opened.frames(), opened.scene, sequence.interval_s)
-            opened = replace(opened, alignment=found)
-            cycle = replace(knowing(cycle, opened.known), refines_known=found is None or not found.findings())
+            opened, cycle = replace(opened, alignment=found), cycle.knowing(opened.known)
+            refined = found is None or not found.findings()
+            cycle = replace(cycle, before=replace(cycle.before, refined=refined))
         return opened, cycle
 
     def execute(self, opened: OpenedTrack, folder: ResultFolder, progress: Progress) -> TrackOutcome:
