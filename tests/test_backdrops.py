@@ -28,9 +28,9 @@ from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.bootstrapping import first_start
+from tracker.tracking.hypotheses import least_left
 from tracker.tracking.initialization import Backdrops, Stages
 from tracker.tracking.initialization._foregrounds import foregrounds, outlined, segmented
-from tracker.tracking.initialization._hypotheses import least_left
 from tracker.tracking.initialization.auto import AutoInitialization
 from tracker.tracking.initialization.pca import PcaInitialization, _likeliest_fault, _stand_out
 from tracker.tracking.initialization.stance import StanceInitialization

@@ -290,8 +290,8 @@ def test_who_is_lost_for_long_is_looked_for_more_seldom(truth: Scene, observatio
 def test_for_a_single_limb_nobody_is_looked_for_anew(truth: Scene, observation: Observation) -> None:
     sure = estimate_of(truth, observation)
     limb, limbs = in_doubt(sure, "left_arm"), in_doubt(sure, "left_arm", "right_leg")
-    for one, looked in ((sure, []), (limb, []), (limbs, [4, 9, 19]), (in_doubt(sure, whole=True), [4, 9, 19])):
-        assert looked_for(one, 30, LossRule()) == looked
+    for one, looked in ((sure, []), (limb, []), (limbs, [4, 9, 34]), (in_doubt(sure, whole=True), [4, 9, 34])):
+        assert looked_for(one, 40, LossRule()) == looked
 
 
 def test_a_limb_whose_place_nothing_tells_is_told_and_not_searched(truth: Scene, observation: Observation) -> None:

@@ -182,7 +182,7 @@ def test_the_doubted_are_looked_for_ever_more_rarely(simulation: Simulation) -> 
     step = next(track(itertools.islice(simulation.frames(), 1, None), simulation.scene, cycle))
     doubtful, rule = in_doubt(step.estimates[0], whole=True), LossRule(again_after=5)
     fine = in_doubt(step.estimates[0])
-    assert looked_for([doubtful] * 100, rule) == [4, 9, 19, 39, 79]
+    assert looked_for([doubtful] * 100, rule) == [4, 9, 34]
     assert looked_for([fine] * 100, rule) == []
     lost = replace(fine, status=Status.LOST)
     assert sought_anew(fine, Troubles.of_lost(1, lost, rule), rule), "seen again after a loss"

@@ -249,7 +249,7 @@ def test_who_was_found_turned_round_and_not_for_sure_is_begun_the_other_way(
 
     monkeypatch.setattr(from_recording, "there", judged_there)
     monkeypatch.setattr(from_recording, "back", lambda *asked: judged(back(*asked)))
-    cycle = refining(filmed, TurnedRoundAtFirst(filmed, until=N_FRAMES, at_first=sure))
+    cycle = refining(filmed, TurnedRoundAtFirst(filmed, until=N_FRAMES, at_first=sure), loss=LossRule(rehearse=0))
     found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
     assert {off_deg(step) < 20 for step in found.steps} == {sure < 0.8}
     assert found.told == {0: told}

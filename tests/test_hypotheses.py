@@ -16,8 +16,8 @@ from tracker.bodies.limbs import turned_round
 from tracker.bodies.scene import Person, Scene
 from tracker.cameras.frame import Frame
 from tracker.foundation.resources import model_path
+from tracker.tracking.hypotheses import apart, coarse_poses, finalists, hypothesis, ranked
 from tracker.tracking.initialization._drafts import Draft, likeliest_of
-from tracker.tracking.initialization._hypotheses import apart, coarse_poses, finalists, hypothesis, ranked
 from tracker.tracking.start import Hypothesis, confidence, limbs_shown, sureness
 
 # Of the same four poses in two foregrounds.

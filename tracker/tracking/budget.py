@@ -1,4 +1,4 @@
-"""When another search is worth its time: after each one in vain the wait doubles."""
+"""When another search is worth its time: after each one in vain the wait is longer."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ class Tries:
     share: float = 0.0
     """Of a limb: what the last search in vain has left over."""
 
-    def due(self, wait: int, longest: int, first: int = 0) -> bool:
+    def due(self, wait: int, first: int = 0, growth: int = 2, most: int = 1 << 30) -> bool:
         """Whether it is time for the next search.
 
         Args:
-            wait: frames after the first search in vain; twice as many after the second, and so on.
-            longest: most frames.
+            wait: frames after the first search in vain.
             first: frames before the first search.
+            growth: how many times as long the wait is after each further search in vain.
+            most: most frames.
         """
-        return self.frames >= (min(wait << (self.vain - 1), longest) if self.vain else first)
+        return self.frames >= (min(wait * growth ** (self.vain - 1), most) if self.vain else first)
 
     def after(self, searched: bool, share: float = 0.0) -> Tries:
         """One frame on, in which doubt is left, and what is left over of a limb that was searched."""

@@ -18,8 +18,9 @@ from tracker.tracking.limb_probabilities import limb_probabilities, limbs_left_o
 
 # In so many times of `restart_every` somebody who is lost is looked for once at least: he may come back.
 _SELDOM = 8
-# Who is in doubt is looked for ever more seldom.
-_NEVER = 1 << 60
+# How many times as long who is doubted is left alone after each search in vain: he has not moved out of sight, and what
+# was seen before is seen again. See docs/lab/limits_and_vain_searches.md.
+_DEARER = 5
 
 
 @component
@@ -87,10 +88,10 @@ class LossRule:
     # See docs/lab/limits_and_vain_searches.md.
     again_after: int = pydantic.Field(default=5, ge=1)
     """Frames doubted one after the other after which a person who is doubtful, or of whom several limbs are in doubt,
-    is looked for as if never seen; doubted on, again after as many, and then after twice as many each time: without
-    plates each time takes 15 s, of one of two persons 35 to 75, and for bodies that no model fits, or that the views
-    hardly show, it is in vain. Legs exchanged for 40 frames are found at once; without plates, arms and legs in the
-    tenth frame of doubt."""
+    is looked for as if never seen; doubted on, again after as many, and then after five times as many each time:
+    without plates each time takes 15 s, of one of two persons 35 to 75, and for bodies that no model fits, or that the
+    views hardly show, it is in vain. Legs exchanged for 40 frames are found at once; without plates, arms and legs in
+    the tenth frame of doubt."""
 
 
 def judged(body: BodyModel, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
@@ -173,7 +174,7 @@ def sought_anew(estimate: Estimate, before: Troubles, loss: LossRule) -> bool:
     if before.lost:
         return not before.again
     as_a_whole = estimate.doubtful or len(estimate.limbs_in_doubt) > 1
-    return as_a_whole and before.tries.due(loss.again_after, _NEVER, first=loss.again_after - 1)
+    return as_a_whole and before.tries.due(loss.again_after, loss.again_after - 1, _DEARER)
 
 
 def is_out_of_sight(before: Troubles, loss: LossRule) -> bool:
@@ -182,7 +183,7 @@ def is_out_of_sight(before: Troubles, loss: LossRule) -> bool:
 
 
 def _is_due(before: Troubles, loss: LossRule) -> bool:
-    return before.tries.due(loss.restart_every, _SELDOM * loss.restart_every)
+    return before.tries.due(loss.restart_every, most=_SELDOM * loss.restart_every)
 
 
 def doubted(estimate: Estimate) -> bool:

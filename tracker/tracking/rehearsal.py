@@ -9,7 +9,7 @@ from statistics import fmean
 from typing import TypeVar
 
 from tracker.bodies.body import BodyModel
-from tracker.bodies.limbs import are_apart
+from tracker.bodies.limbs import are_apart, turned_round
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence import GUESSED
@@ -19,9 +19,10 @@ from tracker.synthesis import side_by_side
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.cycle_turn import advance, settled
 from tracker.tracking.estimate import Estimate, Status
+from tracker.tracking.hypotheses import beside_turned
 from tracker.tracking.limb_probabilities import limbs_left_over
 from tracker.tracking.loss import LossRule
-from tracker.tracking.start import Hypothesis, Start, limbs_shown, sureness
+from tracker.tracking.start import Hypothesis, Start, limbs_shown, surely_faces, sureness
 from tracker.tracking.strangers import hide_strangers
 from tracker.tracking.trajectory import Step
 
@@ -62,9 +63,11 @@ def rehearsed(start: Start, frame: Frame, scene: Scene, cycle: Cycle, reopen: Re
         cycle: the components; its loss rule says in how many frames, and who is uncertain.
         reopen: opens the sequence anew.
     """
-    known = _all_known(frame, cycle)
+    if cycle.loss.rehearse == 0:
+        return start
+    start, known = _beside_turned_round(start, frame, scene, cycle), _all_known(frame, cycle)
     for k, sure in enumerate(start.sureness):
-        if cycle.loss.rehearse == 0 or sure >= cycle.loss.sure or len(start.hypotheses[k]) < 2:
+        if sure >= cycle.loss.sure or len(start.hypotheses[k]) < 2:
             continue
         ranking = _ranked(start, k, frame, scene, cycle, _following(frame, reopen, cycle.loss.rehearse))
         found = _sureness(ranking, known)
@@ -75,6 +78,27 @@ def rehearsed(start: Start, frame: Frame, scene: Scene, cycle: Cycle, reopen: Re
             hypotheses=_with(start.hypotheses, k, ranking),
             sureness=_with(start.sureness, k, found),
         )
+    return start
+
+
+def _beside_turned_round(start: Start, frame: Frame, scene: Scene, cycle: Cycle) -> Start:
+    """The start with each person's best pose turned round among the hypotheses, and as sure as it leads over that.
+
+    What a coarse search finds facing the other way has limbs elsewhere, and loses by these. See docs/lab/facing.md.
+    """
+    for k, sure in enumerate(start.sureness):
+        body, ranking = scene.persons[k].body, start.hypotheses[k]
+        if not ranking or not body.start.turn or any(one.given for one in ranking):
+            continue
+        turned = turned_round(body, ranking[0].q)
+        both = beside_turned(frame, scene.with_poses(start.poses), k, turned, cycle.stages)
+        mine, other = (next((one for one in both if one.given == given), None) for given in (True, False))
+        if mine is not None and other is not None:
+            start = replace(
+                start,
+                hypotheses=_with(start.hypotheses, k, (*ranking, other)),
+                sureness=_with(start.sureness, k, min(sure, surely_faces(mine, other))),
+            )
     return start
 
 

@@ -111,7 +111,7 @@ class HybridEstimation:
         weak = []
         for group, share in self._left_over(body, estimate).items():
             so_far = tries.get(group, Tries())
-            resting = not so_far.due(self.again_after, 4 * self.again_after) and share <= so_far.share + self.worse
+            resting = not so_far.due(self.again_after, most=4 * self.again_after) and share <= so_far.share + self.worse
             if share > self._allowed(body, group) and not resting:
                 weak.append(group)
         return tuple(weak)

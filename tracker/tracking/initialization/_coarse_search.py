@@ -9,7 +9,7 @@ import numpy as np
 from tracker.bodies.body import BodyModel
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import ConfigError, ModelError
-from tracker.tracking.initialization._hypotheses import CoarseValues, apart, coarse_poses, different
+from tracker.tracking.hypotheses import CoarseValues, apart, coarse_poses, different
 from tracker.tracking.initialization._placement import laid_in, placements
 from tracker.tracking.initialization._torso_axis import TorsoAxis
 from tracker.tracking.initialization._upper_bodies import in_stances

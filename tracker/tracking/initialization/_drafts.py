@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
+from tracker.tracking.hypotheses import finalists, hypothesis, ranked
 from tracker.tracking.initialization import Stages
 from tracker.tracking.initialization._clearing import cleared
-from tracker.tracking.initialization._hypotheses import finalists, hypothesis, ranked
 from tracker.tracking.initialization._persons import Found
 from tracker.tracking.start import AxisFit, Hypothesis, Start, sureness
 

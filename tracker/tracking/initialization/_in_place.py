@@ -14,8 +14,8 @@ from tracker.foundation.geometry import halton
 from tracker.foundation.progress import Tally
 from tracker.tracking.estimation.best_first import BestFirstEstimation
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
+from tracker.tracking.hypotheses import different, finalists, hypothesis, ranked, with_held
 from tracker.tracking.initialization import Stages
-from tracker.tracking.initialization._hypotheses import different, finalists, hypothesis, ranked, with_held
 from tracker.tracking.initialization._person_sized import person_sized
 from tracker.tracking.start import Hypothesis, Start, sureness
 

@@ -8,9 +8,9 @@ from tracker.bodies.body import BodyModel
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.foundation.arrays import Array, Integers
+from tracker.tracking.hypotheses import different
 from tracker.tracking.initialization import Stages
 from tracker.tracking.initialization._edge_ranking import Clues, all_refined_on_edges
-from tracker.tracking.initialization._hypotheses import different
 from tracker.tracking.start import Hypothesis
 
 # A limb that leaves less over is left alone: 0 to 0.08 in their place, 0.12 to 0.48 elsewhere.

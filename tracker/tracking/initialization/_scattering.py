@@ -13,7 +13,7 @@ import numpy as np
 
 from tracker.bodies.body import BodyModel
 from tracker.foundation.arrays import Array
-from tracker.tracking.initialization._hypotheses import different
+from tracker.tracking.hypotheses import different
 
 
 class Round(NamedTuple):

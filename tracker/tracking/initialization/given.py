@@ -16,8 +16,8 @@ from tracker.foundation.configuration.components import FilePath, component
 from tracker.foundation.errors import ConfigError, nearest, shortened
 from tracker.foundation.source_files import number_in, rows_of
 from tracker.images.plate import Plate
+from tracker.tracking.hypotheses import beside_turned
 from tracker.tracking.initialization import Stages
-from tracker.tracking.initialization._hypotheses import beside_turned
 from tracker.tracking.initialization._joint_tables import is_joint_table, pose_from_joints
 from tracker.tracking.initialization._person_sized import check_size
 from tracker.tracking.start import Start, sureness

@@ -20,8 +20,8 @@ from tracker.foundation.arrays import Array, Integers
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import ConfigError, InitializationError, SequenceError
 from tracker.images.plate import Plate
+from tracker.tracking.hypotheses import beside_turned
 from tracker.tracking.initialization import Stages
-from tracker.tracking.initialization._hypotheses import beside_turned
 from tracker.tracking.initialization._inverse_kinematics import fitted_pose
 from tracker.tracking.initialization._person_pieces import place
 from tracker.tracking.start import Hypothesis, Start

@@ -25,12 +25,7 @@ from tracker.images.sight import Sight
 from tracker.synthesis import side_by_side
 from tracker.tracking.estimation.best_first import BestFirstEstimation
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
-from tracker.tracking.initialization import Stages
-from tracker.tracking.initialization._clearing import cleared
-from tracker.tracking.initialization._coarse_search import CoarseSearch, check_values
-from tracker.tracking.initialization._drafts import Draft, likeliest_of
-from tracker.tracking.initialization._foregrounds import foregrounds, outlined, segmented
-from tracker.tracking.initialization._hypotheses import (
+from tracker.tracking.hypotheses import (
     finalists,
     hypothesis,
     least_left,
@@ -38,6 +33,11 @@ from tracker.tracking.initialization._hypotheses import (
     ranked,
     with_held,
 )
+from tracker.tracking.initialization import Stages
+from tracker.tracking.initialization._clearing import cleared
+from tracker.tracking.initialization._coarse_search import CoarseSearch, check_values
+from tracker.tracking.initialization._drafts import Draft, likeliest_of
+from tracker.tracking.initialization._foregrounds import foregrounds, outlined, segmented
 from tracker.tracking.initialization._likeness import size_of, standing
 from tracker.tracking.initialization._person_sized import person_sized
 from tracker.tracking.initialization._persons import Found, in_order, ways_to_find

@@ -19,11 +19,11 @@ from tracker.foundation.errors import ConfigError, InitializationError
 from tracker.foundation.progress import Progress, Tally
 from tracker.images.plate import Plate
 from tracker.images.sight import LEAST_COVERED
+from tracker.tracking.hypotheses import different, finalists, with_held
 from tracker.tracking.initialization import Stages
 from tracker.tracking.initialization._directions import DirectionImages, direction_images
 from tracker.tracking.initialization._edge_ranking import Clues, all_refined_on_edges, refined_on_edges
 from tracker.tracking.initialization._floor import floor_places, shown_share
-from tracker.tracking.initialization._hypotheses import different, finalists, with_held
 from tracker.tracking.initialization._likeness import size_of
 from tracker.tracking.initialization._limbs_anew import limbs_anew
 from tracker.tracking.initialization._person_sized import enlarged, enlargement, person_sized

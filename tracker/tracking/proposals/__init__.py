@@ -20,8 +20,8 @@ it has no contour to be wrong, costs 1.05 px more. See docs/lab/part_colours.md 
 docs/lab/one_comparison.md."""
 
 LIKELY_PX = 2.0
-"""The same with the colours of parts counted. Of 8496 poses that six recordings proposed 5669 were nearer; of the 273 that
-were taken in the end, 256. See docs/lab/vain_searches.md."""
+"""The same with the colours of parts counted. Of 8496 poses that six recordings proposed 5669 were nearer; of the 273
+that were taken in the end, 256. See docs/lab/vain_searches.md."""
 
 
 class Proposal(Protocol):
