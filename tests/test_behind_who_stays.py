@@ -24,6 +24,7 @@ from tracker.running.jobs import execute, load_job
 from tracker.running.jobs.track import TrackJob
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.sequence import Recipe, Simulation, write_sequence
+from tracker.tracking.bootstrapping import first_start
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.easier_start import LedBack
 from tracker.tracking.loss import LossRule
@@ -83,9 +84,9 @@ def test_who_stays_is_found_once_and_never_before_plates_that_are_unknown_behind
     assert found.stages.plates == (None,) * 4
     first = next(iter(simulation.frames()))
     begun, _ = tracked(Sight(first), simulation.scene, cycle, State.before(simulation.scene), Looking(False, None))
-    start = found.initialization.start(first, simulation.scene, found.stages)
+    start = first_start(first, simulation.scene, found)
     np.testing.assert_array_equal(start.poses[0], begun.estimates[0].q)
-    (known,) = found.known.values()
+    (known,) = found.before.estimates.values()
     np.testing.assert_array_equal(known[0].q, begun.estimates[0].q)
 
 

@@ -195,9 +195,30 @@ def test_masks_are_as_good_as_plates(simulation: Simulation, monkeypatch: pytest
 
 
 @pytest.mark.parametrize("changes", [{"rehearse": 0}, {"sure": 0.05}])
-def test_a_sure_start_needs_no_rehearsal(simulation: Simulation, changes: dict[str, float]) -> None:
+def test_a_sure_start_needs_no_rehearsal(simulation: Simulation, seen: list[int], changes: dict[str, float]) -> None:
     initialization = WrongFirst(simulation, sure=0.1)
-    assert ranked(simulation, cycle_for(simulation, initialization, loss=LossRule(**changes))) is initialization.found
+    ranking = initialization.found.hypotheses[0][::-1]
+    initialization.found = replace(initialization.found, poses=(ranking[0].q,), hypotheses=(ranking,))
+    start = ranked(simulation, cycle_for(simulation, initialization, loss=LossRule(**changes)))
+    assert start.poses == initialization.found.poses
+    assert start.sureness == (0.1,)
+    assert not seen
+
+
+def test_a_start_is_as_sure_as_it_leads_over_the_same_turned_round(simulation: Simulation) -> None:
+    """Nobody who faces the other way was among the poses found, and the one who was is sure."""
+    initialization, body = WrongFirst(simulation, sure=0.95), simulation.scene.persons[0].body
+    (wrong, _), (truth, bent) = initialization.found.hypotheses[0], (simulation.poses[0][0], np.zeros(body.dof))
+    bent[body.index("left_arm_extension")] = np.radians(40.0)
+    beside = replace(wrong, q=body.clamped(wrong.q + bent), left_over=0.5)
+    initialization.found = replace(initialization.found, hypotheses=((wrong, beside),))
+    start = ranked(simulation, cycle_for(simulation, initialization))
+    assert joint_errors_mm(simulation, 0, 0, start.poses[0]).mean() < 10
+    assert start.sureness[0] > 0.7
+    initialization.found = replace(initialization.found, poses=(truth,), hypotheses=((replace(wrong, q=truth),),))
+    right = ranked(simulation, cycle_for(simulation, initialization))
+    np.testing.assert_array_equal(right.poses[0], truth)
+    assert right.sureness[0] > 0.8
 
 
 def test_tracking_starts_at_what_the_rehearsal_chooses(simulation: Simulation) -> None:

@@ -93,12 +93,11 @@ def _beside_turned_round(start: Start, frame: Frame, scene: Scene, cycle: Cycle)
         turned = turned_round(body, ranking[0].q)
         both = beside_turned(frame, scene.with_poses(start.poses), k, turned, cycle.stages)
         mine, other = (next((one for one in both if one.given == given), None) for given in (True, False))
-        if mine is not None and other is not None:
-            start = replace(
-                start,
-                hypotheses=_with(start.hypotheses, k, (*ranking, other)),
-                sureness=_with(start.sureness, k, min(sure, surely_faces(mine, other))),
-            )
+        if mine is None or other is None:
+            continue
+        start = replace(start, sureness=_with(start.sureness, k, min(sure, surely_faces(mine, other))))
+        if all(are_apart(body, one.q, other.q) for one in ranking):
+            start = replace(start, hypotheses=_with(start.hypotheses, k, (*ranking, other)))
     return start
 
 
