@@ -31,6 +31,14 @@ def test_a_world_as_it_should_be_is_told_and_not_doubted() -> None:
     assert world_doubts(ROOM) == ()
 
 
+def test_two_cameras_alone_that_face_each_other_are_told() -> None:
+    names = ROOM.names
+    told = {(one, other): world_doubts(ROOM.select((one, other))) for one in names for other in names if one < other}
+    opposite = [line for lines in told.values() for line in lines]
+    assert len(opposite) == 2, "of four cameras around a room"
+    assert all("face each other" in line and "who faces where" in line for line in opposite)
+
+
 def test_a_floor_above_a_camera_is_told_with_what_to_measure() -> None:
     (line,) = world_doubts(in_world((0, 0, 0), 2.5))
     assert "m below the floor: is z up and the origin on it?" in line

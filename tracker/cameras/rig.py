@@ -247,6 +247,11 @@ _LOW_M = 0.2
 world's origin at 0.07 m."""
 
 
+# See docs/lab/facing.md.
+_OPPOSITE_DEG = 135.0
+"""Angle from which on two cameras see a scene from opposite sides: at 150 degrees persons were begun turned round."""
+
+
 def told_world(rig: Rig) -> str:
     """One line: where the calibration has the floor, and the cameras above it."""
     heights = [float(camera.centre[2]) for camera in rig.cameras]
@@ -262,7 +267,7 @@ def world_doubts(rig: Rig) -> tuple[str, ...]:
         return (up,)
     turned = _turned_doubt(rig)
     floor = _floor_doubt(rig.with_up(CAMERAS) if turned else rig, f" --up {CAMERAS}" if turned else "")
-    return tuple(filter(None, (turned, floor)))
+    return tuple(filter(None, (turned, floor, _opposite_doubt(rig))))
 
 
 def _up_doubt(rig: Rig) -> str:
@@ -310,6 +315,20 @@ def _floor_doubt(rig: Rig, turn: str) -> str:
         f"{found} Persons are looked for on z = 0. If the floor is lower, measure how high the lens of {low.name} is "
         f"above it, in metres: `bodytrack rig convert THIS rig.toml{turn} --floor Z`, where Z is {height_m:.2f} less "
         "that height"
+    )
+
+
+def _opposite_doubt(rig: Rig) -> str:
+    """That the only two cameras face each other."""
+    if len(rig) != 2:
+        return ""
+    one, other = (camera.centre - rig.middle for camera in rig.cameras)
+    apart_deg = np.degrees(np.arccos(np.clip(one @ other / np.linalg.norm(one) / np.linalg.norm(other), -1, 1)))
+    if apart_deg < _OPPOSITE_DEG:
+        return ""
+    return (
+        f"{' and '.join(rig.names)} face each other, {apart_deg:.0f} degrees apart: their outlines are nearly the same "
+        "and hardly tell who faces where; look at the overlay, and film at 60 to 120 degrees, or with a third camera"
     )
 
 
