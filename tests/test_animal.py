@@ -19,7 +19,7 @@ from tracker.running.jobs import execute, load_job
 from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 from tracker.tracking.initialization._persons import Found
 from tracker.tracking.initialization._placement import placements, stands_upright, without_legs
-from tracker.tracking.initialization._torso_axis import TorsoAxis
+from tracker.tracking.initialization._visual_hull import TorsoAxis
 
 SIZE, PIXEL_MM = (540, 432), 8.3
 """Pictures with lower legs nine pixels wide, and a pixel at the animal; in smaller ones blur joins a leg's edges."""

@@ -15,7 +15,7 @@ from tracker.foundation.geometry import line_from_planes, nearest_along_line
 from tracker.foundation.resources import model_path
 from tracker.images.operations.masks import iterated_axes, region_points
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.tracking.initialization._torso_axis import region_axes, torso_axis
+from tracker.tracking.initialization._visual_hull import region_axes, torso_axis
 
 
 def unit(vectors: Array) -> Array:

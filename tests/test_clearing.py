@@ -20,7 +20,7 @@ from tracker.tracking.estimation.hybrid import HybridEstimation
 from tracker.tracking.initialization import Stages
 from tracker.tracking.initialization._drafts import Draft
 from tracker.tracking.initialization._persons import Found
-from tracker.tracking.initialization._stances import on_floor
+from tracker.tracking.initialization._stance_search import on_floor
 from tracker.tracking.initialization.pca import _stand_out
 from tracker.tracking.start import Hypothesis
 

@@ -20,10 +20,9 @@ from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.estimation.hybrid import HybridEstimation
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 from tracker.tracking.initialization import Stages
-from tracker.tracking.initialization._directions import direction_images
 from tracker.tracking.initialization._edge_ranking import Clues, refined_on_edges
 from tracker.tracking.initialization._limbs_anew import _elsewhere, limbs_anew
-from tracker.tracking.initialization._stances import on_floor, posed, turned
+from tracker.tracking.initialization._stance_search import direction_images, on_floor, posed, turned
 from tracker.tracking.initialization.stance import StanceInitialization
 
 RIG = four_views()

@@ -27,9 +27,8 @@ from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.sequence import Recipe, Simulation, write_sequence
 from tracker.tracking.estimation.hybrid import HybridEstimation
 from tracker.tracking.initialization import Stages
-from tracker.tracking.initialization._directions import direction_images
 from tracker.tracking.initialization._floor import floor_places
-from tracker.tracking.initialization._stances import on_floor, posed, turned
+from tracker.tracking.initialization._stance_search import direction_images, on_floor, posed, turned
 from tracker.tracking.initialization.auto import AutoInitialization
 from tracker.tracking.initialization.given import GivenInitialization
 from tracker.tracking.initialization.pca import PcaInitialization

@@ -30,12 +30,10 @@ from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.estimation.hybrid import HybridEstimation
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 from tracker.tracking.initialization import Stages
-from tracker.tracking.initialization._likeness import Size, like_a_person, size_of, smallest, standing, tall
+from tracker.tracking.initialization._persons import Size, like_a_person, size_of, smallest, standing, tall
 from tracker.tracking.initialization._placement import laid_in
-from tracker.tracking.initialization._scattering import ROUNDS, scattered
-from tracker.tracking.initialization._stances import on_floor, posed, turned
-from tracker.tracking.initialization._torso_axis import hull_axis
-from tracker.tracking.initialization._visual_hull import STEP_M, Hull
+from tracker.tracking.initialization._stance_search import ROUNDS, on_floor, posed, scattered, turned
+from tracker.tracking.initialization._visual_hull import STEP_M, Hull, hull_axis
 from tracker.tracking.initialization.auto import AutoInitialization
 from tracker.tracking.initialization.pca import PcaInitialization
 from tracker.tracking.initialization.stance import StanceInitialization

@@ -23,9 +23,8 @@ from tracker.running.jobs.track import TrackJob
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 from tracker.tracking.initialization import stance
-from tracker.tracking.initialization._covering import NOTHING, moved
-from tracker.tracking.initialization._directions import direction_images
 from tracker.tracking.initialization._edge_ranking import Clues
+from tracker.tracking.initialization._stance_search import NOTHING, direction_images, moved
 from tracker.tracking.initialization.auto import AutoInitialization
 from tracker.tracking.initialization.stance import StanceInitialization
 from tracker.tracking.start import Start

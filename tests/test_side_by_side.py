@@ -16,7 +16,7 @@ from tracker.synthesis.egl import EglSynthesis
 from tracker.synthesis.osmesa import OsmesaSynthesis
 from tracker.tracking.estimation.best_first import BestFirstEstimation
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
-from tracker.tracking.initialization._scattering import ROUNDS
+from tracker.tracking.initialization._stance_search import ROUNDS
 from tracker.tracking.initialization.pca import PcaInitialization
 from tracker.tracking.initialization.stance import StanceInitialization
 from tracker.tracking.rehearsal import rehearsed

@@ -26,8 +26,8 @@ from tracker.synthesis.simulation.filming import plan
 from tracker.synthesis.simulation.room import default_rig
 from tracker.synthesis.simulation.sequence import Recipe, Simulation
 from tracker.tracking.initialization import Stages
-from tracker.tracking.initialization._likeness import size_of
 from tracker.tracking.initialization._person_sized import enlarged, person_sized
+from tracker.tracking.initialization._persons import size_of
 from tracker.tracking.initialization.auto import AutoInitialization
 from tracker.tracking.initialization.given import GivenInitialization
 from tracker.tracking.loss import LossRule, judged, trusted_parts

@@ -15,11 +15,8 @@ from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.errors import InitializationError
 from tracker.synthesis.cpu import CpuSynthesis
-from tracker.tracking.initialization._likeness import size_of
-from tracker.tracking.initialization._person_pieces import person_pieces
-from tracker.tracking.initialization._persons import find_persons, in_order
-from tracker.tracking.initialization._torso_axis import hull_axis
-from tracker.tracking.initialization._visual_hull import STEP_M, Hull, connected, shadow, visual_hull
+from tracker.tracking.initialization._persons import find_persons, in_order, person_pieces, size_of
+from tracker.tracking.initialization._visual_hull import STEP_M, Hull, connected, hull_axis, shadow, visual_hull
 
 RIG = four_views()
 

@@ -11,8 +11,8 @@ from tracker.foundation.arrays import Array
 from tracker.foundation.errors import ConfigError, ModelError
 from tracker.tracking.hypotheses import CoarseValues, apart, coarse_poses, different
 from tracker.tracking.initialization._placement import laid_in, placements
-from tracker.tracking.initialization._torso_axis import TorsoAxis
 from tracker.tracking.initialization._upper_bodies import in_stances
+from tracker.tracking.initialization._visual_hull import TorsoAxis
 from tracker.tracking.objective import Objective
 
 # Poses at a time: bounds the memory.

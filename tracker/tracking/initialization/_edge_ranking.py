@@ -14,9 +14,8 @@ from tracker.synthesis import side_by_side
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.hypotheses import hypothesis, ranked
 from tracker.tracking.initialization import Stages
-from tracker.tracking.initialization._covering import NOTHING, Moved
-from tracker.tracking.initialization._directions import DirectionImages
 from tracker.tracking.initialization._floor import shown_share
+from tracker.tracking.initialization._stance_search import NOTHING, DirectionImages, Moved
 from tracker.tracking.start import Hypothesis
 
 # Poses at a time: bounds the memory.

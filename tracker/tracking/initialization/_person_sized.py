@@ -19,7 +19,7 @@ from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, frozen
 from tracker.foundation.errors import ModelError
 from tracker.tracking.initialization import Stages
-from tracker.tracking.initialization._likeness import size_of
+from tracker.tracking.initialization._persons import size_of
 from tracker.tracking.start import Start
 
 # Voxels, bins and margins of a start are those of a person: a toddler and a horse are still found with them, of a hand

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -13,22 +14,243 @@ from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.errors import InitializationError
 from tracker.tracking.initialization._foregrounds import cleaned
-from tracker.tracking.initialization._likeness import misfit, size_of
-from tracker.tracking.initialization._person_pieces import (
-    MARGIN_M,
-    MOST_ALIKE,
-    alike,
-    covered,
-    person_pieces,
-    place,
-    reach,
-    showing,
-    standing_apart,
-    taken,
-    where_told,
+from tracker.tracking.initialization._visual_hull import (
+    STEP_M,
+    Hull,
+    connected,
+    hull_axis,
+    region_axes,
+    shadow,
+    torso_axis,
+    visual_hull,
+    within_all,
 )
-from tracker.tracking.initialization._torso_axis import hull_axis, region_axes, torso_axis
-from tracker.tracking.initialization._visual_hull import Hull, shadow, visual_hull, within_all
+
+# A person standing or crouching, against legs alone, chairs and shadows on the floor.
+_LEAST_HEIGHT, _MOST_HEIGHT, _LEAST_VOLUME_M3, _VOLUME_M3 = 0.5, 1.6, 0.012, 0.08
+# Who lies is as long as stands on hands and knees, at least, and at most a person with the arms beyond the head; as
+# thick as a chest, for a shadow on the floor is as long; and has a body's volume, holes in the masks granted.
+_LEAST_LENGTH, _MOST_LENGTH, _LEAST_THICKNESS, _LEAST_BODY = 0.55, 1.4, 0.11, 0.6
+# Heights of a standing person, arms hanging or raised, in statures.
+_STANDING = 0.9, 1.3
+# Least height of a body that the file tells no stature of, in its extents: a bird with its wings spread is flat in its
+# reference pose, and in no other one.
+_FLAT = 0.3
+
+
+class Size(NamedTuple):
+    """How large a body is."""
+
+    stature_m: float
+    """Height in the reference pose, metres; of a flat body that tells no stature more."""
+
+    length_m: float
+    """Its largest extent there: an animal is longer than high, metres."""
+
+    volume_m3: float
+    """Cubic metres."""
+
+
+def size_of(person: Person) -> Size:
+    """The size of a person's body."""
+    extents = person.body.extents_m
+    stature_m = person.body.stature_m or max(float(extents[2]), _FLAT * float(extents.max()))
+    volume_m3 = 4 / 3 * np.pi * float(np.prod(person.body.shapes[:, :3], axis=1).sum())
+    return Size(stature_m, max(stature_m, float(extents.max())), volume_m3)
+
+
+def smallest(sizes: list[Size]) -> Size:
+    """The least of each extent of several bodies."""
+    return Size(*(min(values) for values in zip(*sizes, strict=True)))
+
+
+def tall(points: Array, stature_m: float) -> bool:
+    """Whether voxels (N, 3) are as high as somebody who stands or crouches, metres."""
+    return _LEAST_HEIGHT * stature_m < float(np.ptp(points[:, 2])) + STEP_M < _MOST_HEIGHT * stature_m
+
+
+def standing(points: Array, stature_m: float) -> bool:
+    """Whether voxels (N, 3) are as high as somebody who stands, metres."""
+    return _height(points) > _STANDING[0] * stature_m
+
+
+def like_a_person(piece: Hull, size: Size) -> bool:
+    """Whether a piece can be a person of that size or a larger one: high enough, or long enough."""
+    volume = len(piece.points) * STEP_M**3
+    if tall(piece.points, size.stature_m):
+        return volume > _LEAST_VOLUME_M3
+    thick = _LEAST_THICKNESS * size.stature_m < _height(piece.points) < _LEAST_HEIGHT * size.stature_m
+    long = _LEAST_LENGTH * size.length_m < _length(piece.points) < _MOST_LENGTH * size.length_m
+    return thick and long and volume > _LEAST_BODY * size.volume_m3
+
+
+def misfit(pieces: list[Hull], statures: list[float]) -> float:
+    """How unlike persons of so many statures the pieces are.
+
+    The share of the stature by which they are too low, or too high even for raised arms, of those that lie too short or
+    too long; how far their axes lean; the share of the views that do not look at them, or see nothing there; less for a
+    body's volume.
+    """
+    ordered = sorted(pieces, key=lambda piece: _height(piece.points), reverse=True)
+    total = 0.0
+    for piece, stature in zip(ordered, statures, strict=True):
+        extent = _height(piece.points) if tall(piece.points, stature) else _length(piece.points)
+        share = extent / stature
+        total += max(_STANDING[0] - share, 0.0) + max(share - _STANDING[1], 0.0)
+        total += 0.25 * (1 - float(hull_axis(piece.points).direction[2]))
+        total += 0.5 * (1 - float(piece.seen.mean())) + 0.08 * float(piece.lacking.mean())
+        total -= 0.3 * min(len(piece.points) * STEP_M**3 / _VOLUME_M3, 1.0)
+    return total
+
+
+def _height(points: Array) -> float:
+    return _extent(points[:, 2])
+
+
+def _length(points: Array) -> float:
+    """Extent along the major axis, metres."""
+    _, vectors = np.linalg.eigh(np.cov(points.T))
+    return _extent(points @ vectors[:, 2])
+
+
+def _extent(along: Array) -> float:
+    low, high = np.percentile(along, [0.5, 99.5])
+    return float(high - low) + STEP_M
+
+
+MARGIN_M = 0.03
+"""Around the voxels of a piece, where its pixels are looked for, metres."""
+
+MOST_ALIKE = 3
+"""Pieces that may be one and the same person, at most."""
+
+# Where only two views look, the hull also has ghosts, whose foreground is that of others but for 3 to 10 %.
+_OWN = 0.25
+# Around the bones of known persons, metres, and how many points of each bone stand for it.
+_HELD_M, _ALONG = 0.2, 12
+# How far a body reaches from a vertical line through it, in statures, and voxels too few for it or its middle.
+_REACH, _FEW = 0.6, 50
+# Of a body that lies in its reference pose, in lengths from its middle to its farthest landmark.
+_LYING_REACH = 1.2
+# Share of the likeliest piece's volume from which on another one may be the person as well.
+_ALIKE = 0.5
+# Height, in statures, of those who are told apart where they are one piece, how wide they are both ways at most,
+# and how far apart their middles are: the legs and the trunk of one person are lower, what lies around him, shadows and
+# ghosts, is a shell 1 to 1.6 statures wide, what stands to the left and right in his hull is nearer.
+_UPRIGHT, _WIDE, _BESIDE_M = 0.75, 0.8, 0.4
+
+
+def person_pieces(hull: Hull, erosions: int, sizes: list[Size], reach_m: float) -> list[Hull]:
+    """Pieces of a hull that can be persons, the likeliest first."""
+    pieces, statures = [], [size.stature_m for size in sizes]
+    for whole in connected(hull, erosions):
+        if len(whole.points) > _FEW:
+            piece = _within_reach(whole, reach_m)
+            if _hollow(piece):
+                continue
+            if not tall(piece.points, min(statures)):
+                piece = whole  # what lies has no upright axis, and a length that counts
+            if like_a_person(piece, smallest(sizes)):
+                pieces.append(piece)
+    return sorted(pieces, key=lambda piece: misfit([piece], [float(np.mean(statures))]))
+
+
+def _hollow(piece: Hull) -> bool:
+    """Whether nothing is in the middle, as in what is left of a hull around a known person."""
+    if not len(piece.points):
+        return True
+    lateral = np.linalg.norm(piece.points[:, :2] - np.median(piece.points[:, :2], axis=0), axis=1)
+    return int((lateral < _HELD_M).sum()) <= _FEW
+
+
+def _within_reach(piece: Hull, reach_m: float) -> Hull:
+    """Without what is farther from the upright axis than a hand can be."""
+    lateral = piece.points[:, :2] - np.median(piece.points[:, :2], axis=0)
+    return piece.part(np.linalg.norm(lateral, axis=1) < reach_m)
+
+
+def reach(person: Person) -> float:
+    """How far from a vertical line through its middle a body can be: hands of a person, head and tail of an animal."""
+    marks = person.body.landmarks_in_world(person.body.rest())[:, :2]
+    length = float(np.linalg.norm(marks - np.median(marks, axis=0), axis=1).max(initial=0.0))
+    return max(_REACH * size_of(person).stature_m, _LYING_REACH * length)
+
+
+def taken(held: tuple[Person, ...], rig: Rig) -> tuple[Mask, ...]:
+    """The pixels (H, W) of each view around the bones of persons whose poses are known."""
+    bones = [np.zeros((0, 3))]
+    for person in held:
+        marks = person.body.landmarks_in_world(person.q)
+        names = person.body.landmark_names
+        for one, other in person.body.links:
+            start, end = marks[names.index(one)], marks[names.index(other)]
+            bones.append(start + np.linspace(0, 1, _ALONG)[:, None] * (end - start))
+    points = np.concatenate(bones)
+    return tuple(shadow(rig, v, points, _HELD_M) for v in range(len(rig)))
+
+
+def showing(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig, theirs: tuple[Mask, ...]) -> list[Hull]:
+    """The pieces of whose foreground a fair share is not that of those before them, nor around others (H, W).
+
+    Of a woman who had left the room, hands and shadow of the man who danced there were searched in every third frame.
+    """
+    views = [(v, mask) for v, mask in enumerate(masks) if mask is not None]
+    unexplained = {v: mask & ~theirs[v] for v, mask in views}
+    kept = []
+    for piece in pieces:
+        regions = {v: mask & shadow(rig, v, piece.points, MARGIN_M) for v, mask in views}
+        own = sum(int((unexplained[v] & region).sum()) for v, region in regions.items())
+        if own > _OWN * sum(int(region.sum()) for region in regions.values()):
+            kept.append(piece)
+            for v, region in regions.items():
+                unexplained[v] &= ~region
+    return kept
+
+
+def covered(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig) -> float:
+    """Share of the foreground of all views that the pieces explain."""
+    inside = total = 0
+    for v, mask in enumerate(masks):
+        if mask is not None:
+            points = np.concatenate([piece.points for piece in pieces])
+            inside += int((mask & shadow(rig, v, points, MARGIN_M)).sum())
+            total += int(mask.sum())
+    return inside / max(total, 1)
+
+
+def alike(pieces: list[Hull]) -> list[Hull]:
+    """Those of pieces that may be the person as well as the first one, some at most."""
+    least = _ALIKE * max((len(piece.points) for piece in pieces[:MOST_ALIKE]), default=0)
+    return [piece for piece in pieces[:MOST_ALIKE] if len(piece.points) >= least]
+
+
+def where_told(pieces: list[Hull], persons: tuple[Person, ...]) -> list[Hull]:
+    """The pieces, those nearest to where persons are told to be first, in the persons' order."""
+    left, first = list(pieces), []
+    for person in persons:
+        if person.at is not None and left:
+            gaps = [float(np.linalg.norm(place(piece.points) - person.at)) for piece in left]
+            first.append(left.pop(int(np.argmin(gaps))))
+    return first + left
+
+
+def place(points: Array) -> Array:
+    """(2,) where voxels (N, 3) are on the floor, metres."""
+    middle: Array = np.median(points[:, :2], axis=0)
+    return middle
+
+
+def standing_apart(pieces: list[Hull], stature_m: float) -> list[Hull]:
+    """Those of pieces that are as high and wide as persons who stand, and apart from those before."""
+    kept: list[Hull] = []
+    for piece in pieces:
+        gaps = [np.linalg.norm(place(piece.points) - place(other.points)) for other in kept]
+        extents = np.ptp(piece.points, axis=0) / stature_m
+        like_one = extents[2] > _UPRIGHT and extents[:2].min() < _WIDE
+        if like_one and min(gaps, default=np.inf) > _BESIDE_M:
+            kept.append(piece)
+    return kept
+
 
 # A view in which so much of a person's region may belong to another one does not show its axis.
 _CONTESTED = 0.2

@@ -18,7 +18,7 @@ from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Array, Mask
 from tracker.tracking.initialization._foregrounds import cleaned
 from tracker.tracking.initialization._placement import axis_marks, has_axis, stands_upright
-from tracker.tracking.initialization._stances import Stance, posed, turned
+from tracker.tracking.initialization._stance_search import Stance, posed, turned
 from tracker.tracking.initialization._visual_hull import Hull, visual_hull
 
 # Views that see a top, of rigs that have as many.

@@ -23,7 +23,7 @@ from tracker.images.plate import Plate
 from tracker.tracking.hypotheses import beside_turned
 from tracker.tracking.initialization import Stages
 from tracker.tracking.initialization._inverse_kinematics import fitted_pose
-from tracker.tracking.initialization._person_pieces import place
+from tracker.tracking.initialization._persons import place
 from tracker.tracking.start import Hypothesis, Start
 
 _LEAST_MARKS = 6

@@ -34,16 +34,14 @@ from tracker.tracking.hypotheses import (
     with_held,
 )
 from tracker.tracking.initialization import Stages
-from tracker.tracking.initialization._clearing import cleared
 from tracker.tracking.initialization._coarse_search import CoarseSearch, check_values
-from tracker.tracking.initialization._drafts import Draft, likeliest_of
+from tracker.tracking.initialization._drafts import Draft, cleared, likeliest_of
 from tracker.tracking.initialization._foregrounds import foregrounds, outlined, segmented
-from tracker.tracking.initialization._likeness import size_of, standing
 from tracker.tracking.initialization._person_sized import person_sized
-from tracker.tracking.initialization._persons import Found, in_order, ways_to_find
+from tracker.tracking.initialization._persons import Found, in_order, size_of, standing, ways_to_find
 from tracker.tracking.initialization._placement import axis_marks, stands_upright, without_legs
-from tracker.tracking.initialization._torso_axis import TorsoAxis, hull_axis, region_axes, torso_axis
 from tracker.tracking.initialization._upper_bodies import has_upper_body_alone, upper_poses
+from tracker.tracking.initialization._visual_hull import TorsoAxis, hull_axis, region_axes, torso_axis
 from tracker.tracking.objective import Objective
 from tracker.tracking.start import AxisFit, Hypothesis, Start, sureness
 

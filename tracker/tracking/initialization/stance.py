@@ -21,15 +21,21 @@ from tracker.images.plate import Plate
 from tracker.images.sight import LEAST_COVERED
 from tracker.tracking.hypotheses import different, finalists, with_held
 from tracker.tracking.initialization import Stages
-from tracker.tracking.initialization._directions import DirectionImages, direction_images
 from tracker.tracking.initialization._edge_ranking import Clues, all_refined_on_edges, refined_on_edges
 from tracker.tracking.initialization._floor import floor_places, shown_share
-from tracker.tracking.initialization._likeness import size_of
 from tracker.tracking.initialization._limbs_anew import limbs_anew
 from tracker.tracking.initialization._person_sized import enlarged, enlargement, person_sized
-from tracker.tracking.initialization._scattering import ROUNDS, scattered
-from tracker.tracking.initialization._stances import on_floor, posed, turned
-from tracker.tracking.initialization._whereabouts import Whereabouts, last_seen, whereabouts
+from tracker.tracking.initialization._persons import size_of
+from tracker.tracking.initialization._placement import Whereabouts, last_seen, whereabouts
+from tracker.tracking.initialization._stance_search import (
+    ROUNDS,
+    DirectionImages,
+    direction_images,
+    on_floor,
+    posed,
+    scattered,
+    turned,
+)
 from tracker.tracking.start import Hypothesis, Start, limbs_shown, sureness
 
 # A view counts for a place if it shows so much of a person's landmarks; all but knees and feet where images cut people.
