@@ -182,6 +182,18 @@ def test_a_robot_is_tracked_in_both_ways(benchmark_here: Callable[..., str], tmp
     assert float(ways["25", "ours"][6]) < 2 > float(ways["25", "as M3T"][6])
 
 
+def test_settings_for_skin_measure_five_times_as_many_points(
+    data: Callable[[str], Path], benchmark_here: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("BODYTRACK_DATA", str(data("closerange").parent))
+    rows = [line.split("│") for line in benchmark_here("surface", "--only", "skin").splitlines() if "skin.toml" in line]
+    (_, frame, _, _, times, _, median, *_), *others = rows
+    assert not others
+    assert frame.strip() == "0"
+    assert float(times) >= 5
+    assert float(median) <= 0.5
+
+
 @pytest.mark.parametrize("name", ["recognition", "follow"])
 def test_what_benchmarks_lack_is_said(
     name: str, benchmark_here: Callable[..., str], monkeypatch: pytest.MonkeyPatch

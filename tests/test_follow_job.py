@@ -16,6 +16,7 @@ from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import save_rig
 from tracker.foundation.errors import ConfigError, MatchingError, SequenceError, TrackerError
+from tracker.images import film
 from tracker.points.following.following import Following
 from tracker.points.following.record import read
 from tracker.points.surfaces.growth import Growth
@@ -160,9 +161,16 @@ def test_a_job_without_a_saved_state_is_not_resumed(folder, monkeypatch):
 
 
 def test_named_points_keep_their_names(folder):
-    job = load_job("follow", folder / "follow.toml", ("points.left_hip=[80, 70]", "points.right_hip=[120.5, 71.25]"))
-    outcome = execute(job, folder / "named")
+    named = "points.left_hip=[80, 70]", "points.right_hip=[120.5, 71.25]", 'lines=[["left_hip", "right_hip"]]'
+    outcome = execute(load_job("follow", folder / "follow.toml", named), folder / "named")
     rows = table(outcome.folder)
+    with film.opened(outcome.folder / "figure.mp4") as container:
+        drawn = [image.to_ndarray(format="bgr24") for image in container.decode(video=0)]
+    assert len(drawn) == N_FRAMES
+    # the line is drawn in the image and alone beside it, and moves
+    alone = [picture[:, picture.shape[1] // 2 :].min(axis=2) < 128 for picture in drawn]
+    assert all(50 < line.sum() < 2000 for line in alone)
+    assert (alone[0] != alone[-1]).sum() > 50
     assert {row["point"] for row in rows} == {"left_hip", "right_hip"}
     assert len(rows) == 2 * N_FRAMES
     first = read(outcome.folder / "points.bin", 3)[:2]["pixels"][:, 1]
@@ -296,6 +304,7 @@ def test_one_view_is_followed_in_px(folder):
     ("overrides", "error", "message"),
     [
         (('view="midle"',), ConfigError, 'view = "midle": no such view; did you mean "middle"'),
+        (("points.hip=[80, 70]", 'lines=[["hip", "knee"]]'), ConfigError, 'lines: no point is called "knee"'),
         (("points=[[80, 70], [2, 3]]",), MatchingError, r"point 1 at \[2, 3\]: seen by 1 of 3 views; in view"),
         (
             ('view="middle"', "points=[[80, 70], [196, 70]]"),

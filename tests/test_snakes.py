@@ -93,6 +93,32 @@ def test_a_turning_contour_is_followed(closed):
     assert (nodes[-1].n_leading > 0).all()
 
 
+def test_the_part_without_an_edge_is_told_with_its_sigma(monkeypatch):
+    # from 60 to 120 degrees the ground is as bright as the ellipse: there is nothing to see of the contour
+    whole = image
+
+    def partly(k, speed=3.0, noise=NOISE_GREY):
+        bright = whole(k, speed, noise).astype(np.float64)
+        rows, columns = np.mgrid[: SIZE[1], : SIZE[0]]
+        rest = (np.stack([columns, rows], axis=-1) - centre(k, speed)) @ turn(k) / RADII
+        missing = np.abs(np.arctan2(rest[..., 1], rest[..., 0]) - np.pi / 2) < np.pi / 6
+        return np.where(missing & (k > 0), 150, bright).astype(np.uint8)
+
+    monkeypatch.setitem(course.__globals__, "image", partly)
+    nodes = course(3.0, n_frames=6)[-1]
+    error = off(nodes.places, 5)
+    rest = (nodes.places - centre(5, 3.0)) @ turn(5) / RADII
+    gone = np.abs(np.arctan2(rest[:, 1], rest[:, 0]) - np.pi / 2) < np.pi / 6 - 0.2
+    seen = np.abs(np.arctan2(rest[:, 1], rest[:, 0]) - np.pi / 2) > np.pi / 6 + 0.2
+    statuses = np.array(nodes.statuses)
+    assert gone.sum() >= 4
+    assert (statuses[gone] == "led").all()
+    assert (statuses[seen] == "followed").mean() > 0.95
+    assert nodes.sigma_px[gone].min() > 1.5 * nodes.sigma_px[seen].max()
+    assert 0.4 < np.sqrt(np.mean((error / nodes.sigma_px)[seen] ** 2)) < 2
+    assert np.abs(error / nodes.sigma_px)[gone].max() < 3
+
+
 def test_trajectories_lead_where_edges_alone_are_out_of_reach():
     speed = 3.0 * Snake().search_px
     led, alone = course(speed, n_frames=7)[-1], course(speed, led=False, n_frames=7)[-1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -23,6 +24,7 @@ from tracker.images.operations.appearance import wallis_filter
 from tracker.images.reading.stills import StillReading
 from tracker.points.following.births import given_points
 from tracker.points.surfaces.growth import Growth
+from tracker.points.surfaces.patch_figure import patch_figure, patch_searches
 from tracker.points.surfaces.points import NeighbourhoodFilter, voxel_filtered
 from tracker.points.surfaces.seeds import Seeds
 from tracker.points.surfaces.surface import (
@@ -185,6 +187,28 @@ def test_a_surface_that_hardly_grew_is_warned_of(frame, rig, surface):
     assert len(poor.warnings) == 2
     assert "places that both views are known to show" in poor.warnings[0]
     assert "not precise enough (max_sigma_px)" in poor.warnings[0]
+
+
+def test_the_search_of_a_patch_leads_from_its_neighbour_to_where_it_is(surface):
+    matching, at = SurfaceMeasurement().matching, (118.0, 91.0)
+    aside = np.array([0.6, -0.4, *np.zeros(13)])
+    fields = tuple(field and replace(field, found=field.found + aside) for field in surface.fields)
+    searches = patch_searches(replace(surface, fields=fields), matching, at)
+    assert [search.view.camera.name for search in searches] == ["left", "right"]
+    camera = surface.views[surface.template].camera
+    ray = camera.rays(np.array([at]))[0]
+    place = camera.centre - camera.centre[2] / ray[2] * ray
+    for search in searches:
+        true = search.view.camera.project(place[None])[0]
+        off = np.linalg.norm(search.way - true, axis=1)
+        assert len(off) >= 3
+        assert off[-1] < 0.05
+        assert off[0] == pytest.approx(np.hypot(0.6, 0.4), abs=0.1)
+        assert search.match.good.all()
+    picture = patch_figure(surface.views[1], searches, matching.patch_px)
+    assert [axis.get_title().partition(":")[0] for axis in picture.axes[:3]] == ["middle", "left", "right"]
+    with pytest.raises(MatchingError, match=r"\[3, 91\] is too near the border for 13 px"):
+        patch_searches(surface, matching, (3.0, 91.0))
 
 
 def test_why_seeds_fail_is_said(frame, rig):

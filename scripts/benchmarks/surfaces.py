@@ -16,6 +16,7 @@ from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from benchmarks import bare_skin
 from tracker.cameras.triangulation import triangulate
 from tracker.foundation.arrays import Array, Mask
 from tracker.points.surfaces.matching import LeastSquaresMatching, PatchImage
@@ -37,10 +38,14 @@ def compare(console: Console, only: str, quick: bool) -> None:
     if "BODYTRACK_DATA" not in os.environ:
         console.print("BODYTRACK_DATA is not set: no recordings to measure")
         return
-    parts = {"motorcycle": _motorcycle, "temple": _temple, "cylinder": _cylinder}
+    parts = {"motorcycle": _motorcycle, "temple": _temple, "cylinder": _cylinder, "skin": _skin}
     for name, part in parts.items():
         if only in name and not (quick and name == "cylinder"):
             part(console, quick)
+
+
+def _skin(console: Console, quick: bool) -> None:
+    bare_skin.compare(console, load_job("surface", CONFIGS / "skin.toml", ()), quick)
 
 
 def _measured(name: str, overrides: tuple[str, ...] = ()) -> tuple[SurfaceJob, Surface, float]:

@@ -135,6 +135,10 @@ class Nodes:
     alike: Mask = field(default_factory=lambda: np.zeros((0, 2), dtype=np.bool_))
     """(N, 2) whether the left and the right side of each node look as in the first frame."""
 
+    sigma_px: Array = field(default_factory=lambda: np.zeros(0))
+    """(N,) standard deviation of each node across the contour, if the edges that hold it and its neighbours are the
+    contour's, px."""
+
     @property
     def held(self) -> Mask:
         """(N,) nodes that an edge holds; the others go with their neighbours."""
@@ -246,6 +250,8 @@ _HOLDS = 0.25
 _TURNED = 0.5
 # Share of a usual strength that each frame adds.
 _LEARNT = 0.1
+# Edges of a snake that fits them by chance, px^2: the parabola through three slopes is no better.
+_LEAST_PX2 = 0.05**2
 # Of blue, green and red in a grey value (ITU-R BT.601).
 _GREY = np.array((0.114, 0.587, 0.299), dtype=np.float32)
 
@@ -261,6 +267,7 @@ def drawn_to_edges(snake: Snake, nodes: Nodes, image: Image, rounds: int) -> Nod
     """
     smooth = _smooth(snake, image)
     places, edges, usual, alike, light = nodes.places, nodes.edges, nodes.usual, nodes.alike, None
+    misfit, spread = 0.0, nodes.sigma_px
     for _ in range(rounds):
         normals = normals_of(places, nodes.closed)
         across = _across(smooth, places, normals, snake.search_px)
@@ -280,7 +287,9 @@ def drawn_to_edges(snake: Snake, nodes: Nodes, image: Image, rounds: int) -> Nod
             # where points lead, an edge that may be another one is not needed
             holds &= (nodes.n_leading == 0) | ~nodes.sides.unsure(found, alike)
         weight = np.where(holds, np.minimum(np.abs(found) / usual, 1.0), 0.0)
-        shifts = _relaxed(snake, weight, at - snake.search_px, nodes.closed)
+        shifts, own, spread = _relaxed(snake, weight, at - snake.search_px, nodes.closed)
+        # the first round tells it: later ones begin where that one has led
+        misfit = max(misfit, own)
         places = places + shifts[:, None] * normals
         edges = np.where(holds, found, 0.0)
         light = looks[rows, best]
@@ -288,7 +297,8 @@ def drawn_to_edges(snake: Snake, nodes: Nodes, image: Image, rounds: int) -> Nod
     learnt = float(np.median(np.abs(edges[held]))) if held.any() else usual
     usual = (1 - _LEARNT) * usual + _LEARNT * learnt
     sides = nodes.sides if light is None else lit(nodes.sides, light, held[:, None] & alike)
-    return replace(nodes, places=places, edges=edges, usual=usual, alike=alike, sides=sides)
+    sigma = np.sqrt(max(misfit, _LEAST_PX2)) * spread
+    return replace(nodes, places=places, edges=edges, usual=usual, alike=alike, sides=sides, sigma_px=sigma)
 
 
 def remembered(snake: Snake, nodes: Nodes, image: Image, limb: tuple[int, ...]) -> Nodes:
@@ -364,15 +374,25 @@ def _refined(slopes: Array, best: Integers) -> tuple[Array, Array]:
     return best + np.clip(peak, -0.5, 0.5), slopes[rows, best]
 
 
-def _relaxed(snake: Snake, weight: Array, shifts: Array, closed: bool) -> Array:
-    """The snake's equation (Kass et al. 1988, eq. 9, in shifts): ``(W + a D1'D1 + b D2'D2) s = W shifts``."""
+def _relaxed(snake: Snake, weight: Array, shifts: Array, closed: bool) -> tuple[Array, float, Array]:
+    """The snake's equation (Kass et al. 1988, eq. 9, in shifts): ``(W + a D1'D1 + b D2'D2) s = W shifts``.
+
+    Read as a normal distribution, its matrix N is the information of the shifts in units of s0^2, the mean of
+    ``(s - shifts)' W (s - shifts) + s' (N - W) s`` over the edges that hold a node.
+
+    Returns:
+        Shifts s (N,) px, s0^2 px^2, and roots (N,) of the diagonal of the inverse of N.
+    """
     n = len(weight)
     unit = np.eye(n)
     first = np.roll(unit, 1, axis=1) - unit
     second = np.roll(unit, 1, axis=1) - 2 * unit + np.roll(unit, -1, axis=1)
     if not closed:
         first, second = first[:-1], second[1:-1]
-    stiff = snake.elasticity * first.T @ first + snake.rigidity * second.T @ second
     # A thousandth of an edge holds nodes of a snake that lies on none where they were led.
-    normal = stiff + np.diag(weight + 1e-3)
-    return np.asarray(np.linalg.solve(normal, weight * shifts), dtype=np.float64)
+    stiff = snake.elasticity * first.T @ first + snake.rigidity * second.T @ second + 1e-3 * unit
+    inverse = np.linalg.inv(stiff + np.diag(weight))
+    found = inverse @ (weight * shifts)
+    misfit = (weight * (found - shifts) ** 2).sum() + found @ stiff @ found
+    s0_2 = float(misfit / max(int((weight > 0).sum()), 1))
+    return np.asarray(found, dtype=np.float64), s0_2, np.sqrt(np.diag(inverse))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TextIO
@@ -285,6 +285,29 @@ class SecondLook:
         if pictures:
             write_picture(folder / "snakes.jpg", sheet(snakes, pictures))
         return snakes
+
+    def places(
+        self, images: Iterable[Frame], record: tuple[Rows, Integers], cuts: Cuts, of: tuple[int, int]
+    ) -> Iterator[tuple[Image | None, Array]]:
+        """The images of a view as they are matched, each with where the first points are in it.
+
+        Args:
+            images: all frames of the recording.
+            record: sightings, and the numbers (T,) of the frames that were followed.
+            cuts: of the trajectories.
+            of: number of the view, and how many points, N.
+
+        Yields:
+            An image (h, w), None where the view has none, and (N, 2) px, NaN of points that are not seen.
+        """
+        view, n_points = of
+        for frame in images:
+            if frame.index > record[1][-1]:
+                return
+            now = cuts.relabelled(between(record[0], frame.index, frame.index + 1))
+            own, places = now["id"] < n_points, np.full((n_points, 2), np.nan)
+            places[now["id"][own]] = now["pixels"][own, view]
+            yield self.greys(frame)[view], places
 
 
 # What a following leaves of its trajectories: tables, clouds, and files for programs that read markers.

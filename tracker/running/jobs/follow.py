@@ -24,6 +24,7 @@ from tracker.images.reading import Reading, Sequence
 from tracker.points.following.births import Density, clicked_places, surroundings
 from tracker.points.following.filters import TrajectoryFilters, cut_where_false, no_cuts
 from tracker.points.following.following import Following
+from tracker.points.following.line_figure import check_lines, write_line_figure
 from tracker.points.following.points import NewPoints, Points
 from tracker.points.following.record import read
 from tracker.points.following.report import Course, Summary, counts_figure, report_html, summarized, trajectories_figure
@@ -67,6 +68,12 @@ class FollowJob:
     """Points in the first frame of the template's view (or of `view`), px: `[[x, y], ...]` or a table of names.
 
     None for all points of the measured surface, or all textured places in 2-D mode.
+    """
+
+    lines: tuple[tuple[str, ...], ...] = ()
+    """Named points that lines join, each line from point to point: `[["left_hip", "left_knee", "left_ankle"], ...]`.
+
+    `figure.mp4` shows them move over the images of the template's view (or of `view`), and alone beside.
     """
 
     key_points: dict[str, dict[str, tuple[float, float]]] = pydantic.Field(default_factory=dict)
@@ -146,6 +153,7 @@ class FollowJob:
             raise ConfigError("key_points move in space: they need all views, and no `view`")
         if fault := snake_faults(self.snakes, self._rig(sequence).names):
             raise ConfigError(fault)
+        check_lines(self.lines, self._names)
         if self.c3d:
             c3d_library(C3D_ASKED)
             check_frames(sequence.n_frames, C3D_ASKED)
@@ -162,6 +170,14 @@ class FollowJob:
         outcome = self._written(folder.path, opened.sequence, rig, counts)
         progress("writing", 1, 1)
         return outcome
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        """Of named points; their numbers are the ids in the record."""
+        return tuple(self.points) if isinstance(self.points, dict) else ()
+
+    def _template(self, rig: Rig) -> int:
+        return self.surface.template_of(rig) if self.view is None else 0
 
     def _rig(self, sequence: Sequence) -> Rig:
         return sequence.rig if self.view is None else sequence.rig.select((self.view,))
@@ -213,8 +229,9 @@ class FollowJob:
     def _written(self, folder: Path, sequence: Sequence, rig: Rig, counts: Counts) -> FollowOutcome:
         rows, frames, times = read(folder / RECORD, len(rig)), np.array(counts.frames), np.array(counts.times)
         cuts = no_cuts(rows) if self.view is not None else cut_where_false(self.filters, rows, frames, times)
-        names = dict(enumerate(self.points)) if isinstance(self.points, dict) else {}
-        files = TrajectoryFiles(rig.names, names, self._around(rig), self.cloud_frames, self.most_markers, self.c3d)
+        files = TrajectoryFiles(
+            rig.names, dict(enumerate(self._names)), self._around(rig), self.cloud_frames, self.most_markers, self.c3d
+        )
         overview = files.write(folder, (rows, frames, times), cuts)
         figures = {
             "trajectories.png": trajectories_figure(overview, cuts.steps, rig if self.view is None else None),
@@ -225,6 +242,11 @@ class FollowJob:
                 figure.savefig(path, dpi=110)
         images = self._frames(OpenedFollow(sequence, None))
         snakes = self._second_look(rig).take(folder, images, (rows, frames), cuts)
+        if self.lines:
+            images = self._frames(OpenedFollow(sequence, None))
+            shown = self._second_look(rig).places(images, (rows, frames), cuts, (self._template(rig), len(self._names)))
+            lines = [[self._names.index(name) for name in line] for line in self.lines]
+            write_line_figure(folder / "figure.mp4", shown, lines, 1 / sequence.interval_s)
         counts.warnings.extend(warning for snake in snakes if (warning := snake.warning))
         course = Course(counts.seconds, counts.interrupted, tuple(counts.warnings))
         summary = summarized(rows, frames, cuts, course)

@@ -16,9 +16,11 @@ from tracker.foundation.configuration.components import component
 from tracker.foundation.files import replacing, write_json
 from tracker.foundation.progress import Progress
 from tracker.images.reading import Reading, Sequence
+from tracker.points.surfaces.patch_figure import patch_figure, patch_searches
 from tracker.points.surfaces.surface import Surface, SurfaceMeasurement, measure_surface, residual_rms_px
 from tracker.points.surfaces.surface_files import cloud_figure, matches_figure, write_csv, write_ply
 from tracker.running.jobs import ResultFolder, described
+from tracker.running.jobs._following import position
 
 
 @component
@@ -34,6 +36,14 @@ class SurfaceJob(SurfaceMeasurement):
         examples=['{ use = "stills", path = "{view}.png", rig = "rig.toml" }; see configs/surfaces/temple.toml']
     )
     """The pictures or the recording."""
+
+    patches: tuple[tuple[float, float], ...] = ()
+    """Places of the template, px, whose search is drawn: `patch_NUMBER.png` has template, start, way and end."""
+
+    @pydantic.field_validator("patches", mode="before")
+    @classmethod
+    def _whole_numbers_are_positions(cls, patches: object) -> object:
+        return tuple(map(position, patches)) if isinstance(patches, tuple | list) else patches
 
     def open(self, earlier: Path | None = None) -> Sequence:
         """Opens the views; see `jobs.Job.open`."""
@@ -51,13 +61,23 @@ class SurfaceJob(SurfaceMeasurement):
             seconds = time.perf_counter() - begin
             suffix = f"_{frame.index:06d}" if opened.n_frames > 1 else ""
             progress("writing", 0, 1)
-            files = _write(surface, opened.rig, folder.path, suffix)
+            files = (*_write(surface, opened.rig, folder.path, suffix), *self._drawn(surface, folder.path, suffix))
             summaries.append(_summary(surface, frame.index, seconds, files))
             content = {"config": described(self), "frames": [asdict(summary) for summary in summaries]}
             write_json(folder.path / "surface.json", content)
             folder.keep()
             progress("writing", 1, 1)
         return SurfaceOutcome(folder.path, tuple(summaries))
+
+    def _drawn(self, surface: Surface, folder: Path, suffix: str) -> list[str]:
+        """Pictures of searches, as asked for."""
+        names = [f"patch_{k}{suffix}.png" for k in range(len(self.patches))]
+        for name, at in zip(names, self.patches, strict=True):
+            searches = patch_searches(surface, self.matching, at)
+            figure = patch_figure(surface.views[surface.template], searches, self.matching.patch_px)
+            with replacing(folder / name) as path:
+                figure.savefig(path, dpi=110)
+        return names
 
 
 @dataclass(frozen=True)
