@@ -270,18 +270,18 @@ def snakes_csv(snakes: Sequence[FollowedSnake], views: tuple[str, ...]) -> Itera
     """A row for each node and frame.
 
     `edge_grey_px` is the strength of the edge that holds the node, empty where none does; `shift_px` how far that is
-    from where the points around, `leading` of them, have led it. `sigma_px` is the standard deviation across the contour
-    if no other edge holds it.
+    from where the points around, `leading` of them, have led it. `sigma_px` is the standard deviation across
+    the contour if no other edge holds it.
     """
-    yield "frame,snake,view,node,x_px,y_px,edge_grey_px,shift_px,leading,status,sigma_px\n"
+    yield "frame,snake,view,node,x_px,y_px,edge_grey_px,shift_px,leading,sigma_px,status\n"
     for snake in snakes:
         for frame, nodes in zip(snake.frames, snake.nodes, strict=True):
             lead = f"{frame},{quoted(snake.name)},{quoted(views[snake.view])}"
             statuses = nodes.statuses
             for k, (x, y) in enumerate(nodes.places):
                 edge = f"{abs(nodes.edges[k]):.2f}" if nodes.held[k] else ""
-                row = f"{lead},{k},{x:.3f},{y:.3f},{edge},{nodes.shift_px[k]:.3f},{nodes.n_leading[k]},{statuses[k]}"
-                yield f"{row},{nodes.sigma_px[k]:.3f}\n"
+                row = f"{lead},{k},{x:.3f},{y:.3f},{edge},{nodes.shift_px[k]:.3f},{nodes.n_leading[k]}"
+                yield f"{row},{nodes.sigma_px[k]:.3f},{statuses[k]}\n"
 
 
 def sheet_frames(frames: Sequence[int]) -> tuple[int, ...]:

@@ -250,8 +250,8 @@ _HOLDS = 0.25
 _TURNED = 0.5
 # Share of a usual strength that each frame adds.
 _LEARNT = 0.1
-# Edges of a snake that fits them by chance, px^2: the parabola through three slopes is no better.
-_LEAST_PX2 = 0.05**2
+# Least s0^2 of edges, px^2: a turning ellipse of noise 2 was 0.05 to 0.09 px off where its edges agreed to 0.05.
+_LEAST_PX2 = 0.1**2
 # Of blue, green and red in a grey value (ITU-R BT.601).
 _GREY = np.array((0.114, 0.587, 0.299), dtype=np.float32)
 
