@@ -22,6 +22,7 @@ from numbered_pictures import (
 )
 
 from tracker.foundation.errors import SequenceError
+from tracker.images.reading._pictures import Lines, of_one_field
 from tracker.images.reading.images import intact_image
 
 
@@ -117,3 +118,32 @@ def test_image_patterns_that_cannot_work(copied: Path) -> None:
         dataclasses.replace(images(copied), path=str(copied / "images" / "{view}_{frame}" / "img.png")).open()
     with pytest.raises(SequenceError, match=r'view "east": no image picture_\{frame\}\.png'):
         dataclasses.replace(images(copied), path=str(copied / "images" / "{view}" / "picture_{frame}.png")).open()
+
+
+@pytest.mark.parametrize(("lines", "first"), [("odd", 0), ("even", 1)])
+def test_lines_of_one_field_know_nothing_of_the_other(lines: Lines, first: int) -> None:
+    rng = np.random.default_rng(0)
+    for height in (2, 9, 12):
+        one, other = rng.integers(0, 255, (2, height, 5, 3), dtype=np.uint8)
+        woven = one.copy()
+        woven[1 - first :: 2] = other[1 - first :: 2]
+        made = of_one_field(woven, lines)
+        np.testing.assert_array_equal(made, of_one_field(one, lines))
+        np.testing.assert_array_equal(made[first::2], one[first::2])
+    ramp = np.tile(np.arange(40, 64, 2, dtype=np.uint8)[:, None, None], (1, 5, 3))
+    # a line at the border has one neighbour, and takes it as it is
+    np.testing.assert_array_equal(of_one_field(ramp, lines)[1:-1], ramp[1:-1])
+
+
+def test_interlaced_recordings_are_read_a_field_a_frame(copied: Path) -> None:
+    for v, name in enumerate(VIEWS):
+        for k in range(N_FRAMES - 1):
+            woven = picture(v, k)
+            woven[1::2] = picture(v, k + 1)[1::2]
+            cv2.imwrite(str(copied / "images" / name / f"img_{k:04d}.png"), woven)
+    frames = list(images(copied, lines="odd", stop=N_FRAMES - 1).open().frames())
+    for k, frame in enumerate(frames):
+        for v, image in enumerate(frame.images):
+            np.testing.assert_array_equal(image, picture(v, k))
+    later = next(iter(images(copied, lines="even", stop=2).open().frames()))
+    np.testing.assert_array_equal(later.images[0], picture(0, 1))

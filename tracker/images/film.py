@@ -196,7 +196,7 @@ def _told_of_image(image: av.VideoFrame, stereo_told: bool) -> Iterator[str]:
     if image.interlaced_frame:
         yield (
             "it is interlaced: the even and the odd rows of an image are of two moments, half a frame apart; "
-            "deinterlace it (FFmpeg's bwdif), before it is calibrated by as well"
+            'set reading.lines = "odd", for the calibration too, or deinterlace it (FFmpeg\'s bwdif)'
         )
     if int(image.color_trc or 0) in _HDR:
         yield (

@@ -13,6 +13,7 @@ from tracker.foundation.configuration.components import NO_PLATES, RECORDED
 from tracker.foundation.errors import SequenceError
 from tracker.images.plate import Plate
 from tracker.images.reading._footage import Footage, OnMissing, common_length, numbered_files, opened_views, selected
+from tracker.images.reading._pictures import Lines
 from tracker.images.reading._plates import N_SAMPLES, load_plates, recorded_plates
 from tracker.images.reading._sequence import (
     MaskFiles,
@@ -54,6 +55,8 @@ class Settings(Protocol):
     def gain(self) -> float | None: ...
     @property
     def smoothing_px(self) -> float | None: ...
+    @property
+    def lines(self) -> Lines: ...
     @property
     def on_missing(self) -> OnMissing: ...
 
@@ -107,6 +110,7 @@ def _chosen_views(settings: Settings, footage: Footage, sizes: tuple[tuple[int, 
         downscale=settings.downscale or 1,
         gain=settings.gain or 1.0,
         smoothing_px=settings.smoothing_px or 0.0,
+        lines=settings.lines,
         on_missing=settings.on_missing,
         open_views=footage.open_views,
         first_number=footage.first,

@@ -80,6 +80,23 @@ Downscale = Annotated[int | float, pydantic.BeforeValidator(_factor)]
 """Pixels, in both directions, that are averaged; 0.5: images are enlarged twice."""
 
 
+Lines = Literal["all", "odd", "even"]
+"""Lines of an image that are used, counted from 1: those of one parity were taken at one time."""
+
+
+def of_one_field(image: Image, lines: Lines) -> Image:
+    """The image (h, w, 3) with its other lines made of those above and below, so that it is of one time."""
+    if lines == "all" or len(image) < 2:
+        return image
+    kept = 0 if lines == "odd" else 1
+    field, filled = image[kept::2], image.copy()
+    # the line before the first and the one behind the last are as those beside them
+    n = len(image[1 - kept :: 2])
+    above, below = (np.clip(np.arange(n) + place, 0, len(field) - 1) for place in (-kept, 1 - kept))
+    filled[1 - kept :: 2] = cv2.addWeighted(field[above], 0.5, field[below], 0.5, 0.0)
+    return filled
+
+
 def brightened(image: Image, gain: float) -> Image:
     """The image with its grey levels multiplied, 255 at most."""
     if gain == 1:

@@ -18,7 +18,7 @@ from tracker.foundation.errors import CalibrationError, SequenceError
 from tracker.images.operations.appearance import smoothed
 from tracker.images.plate import Plate
 from tracker.images.reading._footage import ImageStream, OnMissing, Selection, view_paths
-from tracker.images.reading._pictures import brightened, check_size, downscaled, read_painted
+from tracker.images.reading._pictures import Lines, brightened, check_size, downscaled, of_one_field, read_painted
 from tracker.images.reading._plates import RecordedPlate, backdrop, clean_enough
 from tracker.images.reading._timeline import ViewOffset
 
@@ -37,6 +37,7 @@ class OpenViews:
     downscale: float
     gain: float
     smoothing_px: float
+    lines: Lines
     on_missing: OnMissing
     open_views: Callable[[], tuple[ImageStream, ...]]
     first_number: int
@@ -129,11 +130,12 @@ class OpenViews:
     @property
     def _as_recorded(self) -> bool:
         """Whether images are delivered unchanged."""
-        return self.gain == 1 and self.downscale == 1 and self.smoothing_px == 0
+        return self.gain == 1 and self.downscale == 1 and self.smoothing_px == 0 and self.lines == "all"
 
     def delivered(self, image: Image) -> Image:
         """An image or plate (h, w, 3), as recorded, as bright, as large and as smooth as images are delivered."""
-        return smoothed(downscaled(brightened(image, self.gain), self.downscale), self.smoothing_px)
+        bright = brightened(of_one_field(image, self.lines), self.gain)
+        return smoothed(downscaled(bright, self.downscale), self.smoothing_px)
 
 
 @dataclass(frozen=True)

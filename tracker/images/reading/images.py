@@ -23,7 +23,7 @@ from tracker.images.reading._footage import (
     view_paths,
 )
 from tracker.images.reading._opening import opened, opened_uncalibrated
-from tracker.images.reading._pictures import Downscale, read_image
+from tracker.images.reading._pictures import Downscale, Lines, read_image
 from tracker.images.reading._sequence import OpenSequence, OpenViews
 from tracker.images.reading._timeline import Offsets
 from tracker.images.reading.video import plate_of_clip
@@ -93,6 +93,10 @@ class ImageReading:
     smoothing_px: float | None = pydantic.Field(default=None, ge=0, le=5)
     """Standard deviation of the Gaussian that images and plates are smoothed by, px of them as delivered. Where nothing
     is said: in tracking 1 where they are noisy, else 0."""
+
+    lines: Lines = "all"
+    """Of interlaced recordings the 1st, 3rd, 5th ... lines (`odd`) or the others (`even`): they were taken at one time.
+    Those between are made of them, so that images and calibration keep their size. Plates go the same way."""
 
     on_missing: OnMissing = "error"
     """`skip` leaves a view out of the frames that it lacks or that cannot be read."""

@@ -12,7 +12,7 @@ from tracker.foundation.configuration.components import FilePath, PathPattern, c
 from tracker.foundation.errors import SequenceError
 from tracker.images.reading._footage import Footage, OnMissing, chosen_names, chosen_rig, opened_views, view_paths
 from tracker.images.reading._opening import opened, opened_uncalibrated
-from tracker.images.reading._pictures import read_image
+from tracker.images.reading._pictures import Lines, read_image
 from tracker.images.reading._sequence import OpenSequence, OpenViews
 from tracker.images.reading._timeline import Offsets
 from tracker.images.reading.video import plate_of_clip
@@ -86,6 +86,7 @@ class _OneFrame:
     downscale: float
     gain: float = 1.0
     smoothing_px: float = 0.0
+    lines: Lines = "all"
     start: int = 0
     stop: int | None = 1
     stride: int = 1

@@ -26,7 +26,7 @@ from tracker.images.reading._footage import (
     view_paths,
 )
 from tracker.images.reading._opening import opened, opened_uncalibrated
-from tracker.images.reading._pictures import Downscale
+from tracker.images.reading._pictures import Downscale, Lines
 from tracker.images.reading._sequence import OpenSequence, OpenViews
 from tracker.images.reading._stamps import common_rate, paired_by_stamps, told_of_rates
 from tracker.images.reading._timeline import Offsets, at_one_pace
@@ -107,6 +107,10 @@ class VideoReading:
     smoothing_px: float | None = pydantic.Field(default=None, ge=0, le=5)
     """Standard deviation of the Gaussian that images and plates are smoothed by, px of them as delivered. Where nothing
     is said: in tracking 1 where they are noisy, else 0."""
+
+    lines: Lines = "all"
+    """Of interlaced recordings the 1st, 3rd, 5th ... lines (`odd`) or the others (`even`): they were taken at one time.
+    Those between are made of them, so that images and calibration keep their size. Plates go the same way."""
 
     on_missing: OnMissing = "error"
     """`skip` leaves a view out of the frames that it lacks or that cannot be decoded."""
