@@ -20,8 +20,8 @@ from tracker.points.following.births import Density, chosen_evenly, points_of_im
 from tracker.points.following.following import Following
 from tracker.points.following.points import expected, restored
 from tracker.points.following.sequence import STATE, Counts, follow, save_state, saved_state
+from tracker.points.surfaces import LeastSquaresMatching
 from tracker.points.surfaces.growth import Growth
-from tracker.points.surfaces.matching import LeastSquaresMatching
 from tracker.points.surfaces.surface import Preparation, SurfaceMeasurement, measure_surface
 from tracker.points.trajectories import PointStatus
 

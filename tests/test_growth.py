@@ -10,8 +10,8 @@ from textures import Waves, deformed, pixels_of, sensed
 
 from tracker.foundation.arrays import frozen
 from tracker.kernels.patches import HALF_PATCH, MATCHED, stretch
+from tracker.points.surfaces import LeastSquaresMatching
 from tracker.points.surfaces.growth import Growth, MatchField, corrected_for_curvature
-from tracker.points.surfaces.matching import LeastSquaresMatching
 from tracker.points.surfaces.points import NeighbourhoodFilter, voxel_members
 
 SIZE = (160, 120)

@@ -7,7 +7,7 @@ from textures import Waves, deformed
 
 from tracker.kernels.patches import LARGEST_PX, LEAST_NEIGHBOURS, NO_SHIFT_PX2, NO_SPREAD_PX2, bending_shifts
 from tracker.points.following.keys import Keys, Quality, Starts, find_keys
-from tracker.points.surfaces.matching import LeastSquaresMatching
+from tracker.points.surfaces import LeastSquaresMatching
 
 SIZE = (200, 160)
 

@@ -24,7 +24,7 @@ from tracker.kernels.patches import (
     sample_patch,
     sample_whole_pixels,
 )
-from tracker.points.surfaces.matching import LeastSquaresMatching, gaussian_taps, noise_powers
+from tracker.points.surfaces import LeastSquaresMatching, gaussian_taps, noise_powers
 
 SIZE = (180, 140)
 AFFINE = np.array([[1.02, 0.03], [-0.02, 0.98]])

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from benchmarks.speckle import Speckle
 from tracker.foundation.arrays import Array, Image, Mask
-from tracker.points.surfaces.matching import LeastSquaresMatching, Matches, PatchImage
+from tracker.points.surfaces import LeastSquaresMatching, Matches, PatchImage
 
 Result = TypeVar("Result")
 # A patch of a surface that is turned by some degrees, more than two pixels from its start.

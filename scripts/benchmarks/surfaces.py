@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from benchmarks import bare_skin
 from tracker.cameras.triangulation import triangulate
 from tracker.foundation.arrays import Array, Mask
-from tracker.points.surfaces.matching import LeastSquaresMatching, PatchImage
+from tracker.points.surfaces import LeastSquaresMatching, PatchImage
 from tracker.points.surfaces.surface import Surface, measure_surface, residual_rms_px
 from tracker.running.jobs import load_job
 from tracker.running.jobs.surface import SurfaceJob

@@ -3,17 +3,35 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol
+from typing import Literal
 
 import numpy as np
+import pydantic
 
 from tracker.cameras.rig import Rig
 from tracker.foundation.arrays import Image, Mask
-from tracker.foundation.configuration.components import NO_PLATES, RECORDED
+from tracker.foundation.configuration.components import (
+    NO_PLATES,
+    RECORDED,
+    FilePath,
+    PathPattern,
+    PlatePattern,
+    ViewPaths,
+    component,
+)
 from tracker.foundation.errors import SequenceError
 from tracker.images.plate import Plate
-from tracker.images.reading._footage import Footage, OnMissing, common_length, numbered_files, opened_views, selected
-from tracker.images.reading._pictures import Lines
+from tracker.images.reading._footage import (
+    LEAST_FPS,
+    MOST_FPS,
+    Footage,
+    OnMissing,
+    common_length,
+    numbered_files,
+    opened_views,
+    selected,
+)
+from tracker.images.reading._pictures import Downscale, Lines
 from tracker.images.reading._plates import N_SAMPLES, load_plates, recorded_plates
 from tracker.images.reading._sequence import (
     MaskFiles,
@@ -30,35 +48,72 @@ from tracker.images.reading._timeline import Offsets, chosen_offsets
 _MOST_SEARCHED = 1500
 
 
-class Settings(Protocol):
-    """Fields that every reading component has."""
+@component
+class Settings:
+    """What every recording of files is opened by."""
 
-    @property
-    def background(self) -> str | None: ...
-    @property
-    def masks(self) -> str | None: ...
-    @property
-    def occluders(self) -> str | None: ...
-    @property
-    def align_background(self) -> bool: ...
-    @property
-    def offsets(self) -> Offsets: ...
-    @property
-    def start(self) -> int: ...
-    @property
-    def stop(self) -> int | None: ...
-    @property
-    def stride(self) -> int: ...
-    @property
-    def downscale(self) -> float | None: ...
-    @property
-    def gain(self) -> float | None: ...
-    @property
-    def smoothing_px(self) -> float | None: ...
-    @property
-    def lines(self) -> Lines: ...
-    @property
-    def on_missing(self) -> OnMissing: ...
+    path: ViewPaths
+    """Files of the views."""
+
+    rig: FilePath | None = None
+    """Calibration: a file or folder in any layout that `bodytrack rig convert` reads; none in a calibration job."""
+
+    fps: float | None = pydantic.Field(default=None, ge=LEAST_FPS, le=MOST_FPS, allow_inf_nan=False)
+    """Frames per second."""
+
+    views: tuple[str, ...] = ()
+    """Cameras to use, in this order; empty for all of the rig."""
+
+    offsets: Offsets = pydantic.Field(default_factory=dict)
+    """Which image of a view belongs to frame 0."""
+
+    in_step: Literal["auto", "long", "off"] = "auto"
+    """Whether views are brought in step."""
+
+    background: PlatePattern | None = None
+    """Clean plates: images or short clips, for instance `background/{view}.png`. Where nothing is said: what most
+    images of the recording show, if in two views or more everybody walks about. "median": the same, with a word for
+    each view that has none; "none": no plates."""
+
+    masks: PathPattern | None = None
+    """Silhouettes that you bring, in place of plates or beside them, for instance `masks/{view}/{frame}.png`; what is
+    not black, nor transparent, is a person."""
+
+    occluders: PathPattern | None = None
+    """Pictures of what stands before the persons, for instance `occluders/{view}.png`, for those views that have some:
+    what is not black hides them (a table, a treadmill). They serve plates, also those that the recording makes."""
+
+    align_background: bool = False
+    """Fit each plate to the first frame by its features and its light: for plates taken before the camera was turned
+    or zoomed a little, or the pictures were cut otherwise. The camera must not have been carried elsewhere."""
+
+    start: int = pydantic.Field(default=0, ge=0)
+    """First frame."""
+
+    stop: int | None = pydantic.Field(default=None, ge=1)
+    """Frame after the last one; None for all."""
+
+    stride: int = pydantic.Field(default=1, ge=1)
+    """Deliver every so many frames."""
+
+    downscale: Downscale | None = None
+    """Images are averaged over so many pixels in both directions; the rig follows. 0.5 enlarges them twice. Where
+    nothing is said: in tracking what shows persons some 300 px high, else 1."""
+
+    gain: float | None = pydantic.Field(default=None, gt=0, le=10)
+    """Images and plates are multiplied by it. Where nothing is said: in tracking what makes dark ones as bright as
+    usual, else 1."""
+
+    smoothing_px: float | None = pydantic.Field(default=None, ge=0, le=5)
+    """Standard deviation of the Gaussian that images and plates are smoothed by, px of them as delivered. Where nothing
+    is said: in tracking 1 where they are noisy, else 0."""
+
+    lines: Lines = "all"
+    """Of interlaced recordings the 1st, 3rd, 5th ... lines (`odd`) or the others (`even`): they were taken at one time.
+    Those between are made of them, so that images and calibration keep their size. Plates go the same way."""
+
+    on_missing: OnMissing = "error"
+    """`skip` leaves a view out of the frames that it lacks or that cannot be read."""
 
 
 def opened(settings: Settings, footage: Footage, rig: Rig) -> OpenSequence:

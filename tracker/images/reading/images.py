@@ -9,42 +9,35 @@ from typing import Literal
 import pydantic
 
 from tracker.foundation.arrays import Image
-from tracker.foundation.configuration.components import FilePath, PathPattern, PlatePattern, ViewPaths, component
+from tracker.foundation.configuration.components import PathPattern, ViewPaths, component
 from tracker.foundation.errors import SequenceError
 from tracker.images.reading._footage import (
     LEAST_FPS,
     MOST_FPS,
     Footage,
-    OnMissing,
     chosen_names,
     chosen_rig,
     numbered_files,
     opened_views,
     view_paths,
 )
-from tracker.images.reading._opening import opened, opened_uncalibrated
-from tracker.images.reading._pictures import Downscale, Lines, read_image
+from tracker.images.reading._opening import Settings, opened, opened_uncalibrated
+from tracker.images.reading._pictures import read_image
 from tracker.images.reading._sequence import OpenSequence, OpenViews
 from tracker.images.reading._timeline import Offsets
 from tracker.images.reading.video import plate_of_clip
 
 
 @component
-class ImageReading:
+class ImageReading(Settings):
     """Numbered images; `{view}` stands for the camera's name, `{frame}` for the number, with any leading zeros."""
 
     path: ViewPaths
     """Image files, for instance `images/{view}/{frame}.png`; numbers need not start at 0. Or a table, one entry a view:
     `{ left = "images/a/{frame}.png", ... }`."""
 
-    rig: FilePath | None = None
-    """Calibration: a file or folder in any layout that `bodytrack rig convert` reads; none in a calibration job."""
-
     fps: float = pydantic.Field(ge=LEAST_FPS, le=MOST_FPS, allow_inf_nan=False)
     """Frames per second."""
-
-    views: tuple[str, ...] = ()
-    """Cameras to use, in this order; empty for all of the rig."""
 
     offsets: Offsets = pydantic.Field(default_factory=dict)
     """Position in a view's images, counted from the lowest number of all views, that belongs to frame 0; or pairs of a
@@ -56,50 +49,12 @@ class ImageReading:
     are, and poses stay as tracked. Else those of views that the person shows to be late by parts of a frame are brought
     to the first view's moment."""
 
-    background: PlatePattern | None = None
-    """Clean plates: images or short clips, for instance `background/{view}.png`. Where nothing is said: what most
-    images of the recording show, if in two views or more everybody walks about. "median": the same, with a word for
-    each view that has none; "none": no plates."""
-
     masks: PathPattern | None = None
     """Silhouettes that you bring, in place of plates or beside them, for instance `masks/{view}/{frame}.png`, numbered
     as the images; what is not black, nor transparent, is a person."""
 
-    occluders: PathPattern | None = None
-    """Pictures of what stands before the persons, for instance `occluders/{view}.png`, for those views that have some:
-    what is not black hides them (a table, a treadmill). They serve plates, also those that the recording makes."""
-
-    align_background: bool = False
-    """Fit each plate to the first frame by its features and its light: for plates taken before the camera was turned
-    or zoomed a little, or the pictures were cut otherwise. The camera must not have been carried elsewhere."""
-
     start: int = pydantic.Field(default=0, ge=0)
     """First frame, counted from the lowest number of all views."""
-
-    stop: int | None = pydantic.Field(default=None, ge=1)
-    """Frame after the last one; None for all."""
-
-    stride: int = pydantic.Field(default=1, ge=1)
-    """Deliver every so many frames."""
-
-    downscale: Downscale | None = None
-    """Images are averaged over so many pixels in both directions; the rig follows. 0.5 enlarges them twice. Where
-    nothing is said: in tracking what shows persons some 300 px high, else 1."""
-
-    gain: float | None = pydantic.Field(default=None, gt=0, le=10)
-    """Images and plates are multiplied by it. Where nothing is said: in tracking what makes dark ones as bright as
-    usual, else 1."""
-
-    smoothing_px: float | None = pydantic.Field(default=None, ge=0, le=5)
-    """Standard deviation of the Gaussian that images and plates are smoothed by, px of them as delivered. Where nothing
-    is said: in tracking 1 where they are noisy, else 0."""
-
-    lines: Lines = "all"
-    """Of interlaced recordings the 1st, 3rd, 5th ... lines (`odd`) or the others (`even`): they were taken at one time.
-    Those between are made of them, so that images and calibration keep their size. Plates go the same way."""
-
-    on_missing: OnMissing = "error"
-    """`skip` leaves a view out of the frames that it lacks or that cannot be read."""
 
     def open(self) -> OpenSequence:
         """Opens all views; see `tracker.images.reading.Reading.open`."""

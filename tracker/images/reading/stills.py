@@ -10,11 +10,10 @@ import pydantic
 from tracker.foundation.arrays import Image
 from tracker.foundation.configuration.components import FilePath, PathPattern, component
 from tracker.foundation.errors import SequenceError
-from tracker.images.reading._footage import Footage, OnMissing, chosen_names, chosen_rig, opened_views, view_paths
-from tracker.images.reading._opening import opened, opened_uncalibrated
-from tracker.images.reading._pictures import Lines, read_image
+from tracker.images.reading._footage import Footage, chosen_names, chosen_rig, opened_views, view_paths
+from tracker.images.reading._opening import Settings, opened, opened_uncalibrated
+from tracker.images.reading._pictures import read_image
 from tracker.images.reading._sequence import OpenSequence, OpenViews
-from tracker.images.reading._timeline import Offsets
 from tracker.images.reading.video import plate_of_clip
 
 
@@ -47,8 +46,8 @@ class StillReading:
         return opened_uncalibrated(self._settings, self._footage(chosen_names(self.views)))
 
     @property
-    def _settings(self) -> _OneFrame:
-        return _OneFrame(self.background, self.downscale)
+    def _settings(self) -> Settings:
+        return Settings(path=self.path, background=self.background, downscale=self.downscale, stop=1)
 
     def _footage(self, names: tuple[str, ...]) -> Footage:
         paths = dict(zip(names, view_paths(self.path, names), strict=True))
@@ -76,25 +75,3 @@ class _Still:
 
     def held(self, index: int) -> Image | None:
         return self.read(index)
-
-
-@dataclass(frozen=True)
-class _OneFrame:
-    """Settings that a single frame leaves no choice of."""
-
-    background: str | None
-    downscale: float
-    gain: float = 1.0
-    smoothing_px: float = 0.0
-    lines: Lines = "all"
-    start: int = 0
-    stop: int | None = 1
-    stride: int = 1
-    on_missing: OnMissing = "error"
-    align_background: bool = False
-    masks: str | None = None
-    occluders: str | None = None
-
-    @property
-    def offsets(self) -> Offsets:
-        return {}

@@ -11,7 +11,7 @@ import numpy as np
 import pydantic
 
 from tracker.foundation.arrays import Image
-from tracker.foundation.configuration.components import FilePath, PathPattern, PlatePattern, ViewPaths, component
+from tracker.foundation.configuration.components import PathPattern, ViewPaths, component
 from tracker.foundation.errors import SequenceError
 from tracker.images.reading._footage import (
     LEAST_FPS,
@@ -25,8 +25,7 @@ from tracker.images.reading._footage import (
     opened_views,
     view_paths,
 )
-from tracker.images.reading._opening import opened, opened_uncalibrated
-from tracker.images.reading._pictures import Downscale, Lines
+from tracker.images.reading._opening import Settings, opened, opened_uncalibrated
 from tracker.images.reading._sequence import OpenSequence, OpenViews
 from tracker.images.reading._stamps import common_rate, paired_by_stamps, told_of_rates
 from tracker.images.reading._timeline import Offsets, at_one_pace
@@ -39,18 +38,12 @@ _PLATE_FRAMES = 25
 
 
 @component
-class VideoReading:
+class VideoReading(Settings):
     """One video a view; `{view}` in a path stands for the camera's name in the rig."""
 
     path: ViewPaths
     """Video files, for instance `videos/{view}.mp4`; or a table, one file a view: `{ left = "videos/GX01.mp4", ... }`.
     """
-
-    rig: FilePath | None = None
-    """Calibration: a file or folder in any layout that `bodytrack rig convert` reads; none in a calibration job."""
-
-    views: tuple[str, ...] = ()
-    """Cameras to use, in this order; empty for all of the rig."""
 
     offsets: Offsets = pydantic.Field(default_factory=dict)
     """Frame of a view's file that belongs to frame 0, where it is not 0; of a view of which every second frame is
@@ -64,53 +57,15 @@ class VideoReading:
     and poses stay as tracked. Else those of views that the person shows to be late by parts of a frame are brought to
     the first view's moment."""
 
-    background: PlatePattern | None = None
-    """Clean plates: images or short clips, for instance `background/{view}.png`. Where nothing is said: what most
-    images of the recording show, if in two views or more everybody walks about. "median": the same, with a word for
-    each view that has none; "none": no plates."""
-
     masks: PathPattern | None = None
     """Silhouettes that you bring, in place of plates or beside them, for instance `masks/{view}/{frame}.png`, numbered
     from 0 at the first image of the file; dropped ones have no number. What is not black, nor transparent, is a person.
     """
 
-    occluders: PathPattern | None = None
-    """Pictures of what stands before the persons, for instance `occluders/{view}.png`, for those views that have some:
-    what is not black hides them (a table, a treadmill). They serve plates, also those that the recording makes."""
-
-    align_background: bool = False
-    """Fit each plate to the first frame by its features and its light: for plates taken before the camera was turned
-    or zoomed a little, or the pictures were cut otherwise. The camera must not have been carried elsewhere."""
-
     fps: float | None = pydantic.Field(default=None, ge=LEAST_FPS, le=MOST_FPS, allow_inf_nan=False)
     """Frames per second; None takes the files' own. Streams without a container (`.h264`, `.mjpeg`) have none. Where
     views film at different rates, the lowest one takes every second, third, ... frame of those of twice, three times
     ... as many."""
-
-    start: int = pydantic.Field(default=0, ge=0)
-    """First frame."""
-
-    stop: int | None = pydantic.Field(default=None, ge=1)
-    """Frame after the last one; None for all."""
-
-    stride: int = pydantic.Field(default=1, ge=1)
-    """Deliver every so many frames."""
-
-    downscale: Downscale | None = None
-    """Images are averaged over so many pixels in both directions; the rig follows. 0.5 enlarges them twice. Where
-    nothing is said: in tracking what shows persons some 300 px high, else 1."""
-
-    gain: float | None = pydantic.Field(default=None, gt=0, le=10)
-    """Images and plates are multiplied by it. Where nothing is said: in tracking what makes dark ones as bright as
-    usual, else 1."""
-
-    smoothing_px: float | None = pydantic.Field(default=None, ge=0, le=5)
-    """Standard deviation of the Gaussian that images and plates are smoothed by, px of them as delivered. Where nothing
-    is said: in tracking 1 where they are noisy, else 0."""
-
-    lines: Lines = "all"
-    """Of interlaced recordings the 1st, 3rd, 5th ... lines (`odd`) or the others (`even`): they were taken at one time.
-    Those between are made of them, so that images and calibration keep their size. Plates go the same way."""
 
     on_missing: OnMissing = "error"
     """`skip` leaves a view out of the frames that it lacks or that cannot be decoded."""

@@ -11,7 +11,7 @@ from tracker.kernels.patches import key_side
 from tracker.points.following.keys import Keys, Starts, correlated, find_keys, flow, led, predicted
 from tracker.points.following.points import Points, carried, expected
 from tracker.points.following.sightings import NewKeys, Sightings, accept_found
-from tracker.points.surfaces.matching import PatchImage
+from tracker.points.surfaces import PatchImage
 from tracker.points.trajectories import PointStatus
 
 # So many hidden points are tried a frame, for speed; each with the motion of 24 seen ones, at least the six of an

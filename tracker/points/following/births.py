@@ -19,8 +19,8 @@ from tracker.kernels.adjustment import intersect_rays
 from tracker.kernels.patches import COVARIANCE, key_side
 from tracker.points.following.points import NewPoints, Points, expected
 from tracker.points.following.tables import quoted
+from tracker.points.surfaces import Matches, PatchImage
 from tracker.points.surfaces.growth import MatchField
-from tracker.points.surfaces.matching import Matches, PatchImage
 from tracker.points.surfaces.surface import Surface, SurfaceMeasurement
 from tracker.points.trajectories import PointTrajectories
 

@@ -12,7 +12,7 @@ from tracker.foundation.arrays import Integers
 from tracker.foundation.configuration.components import component
 from tracker.points.following.keys import Keys, Quality
 from tracker.points.following.points import NewPoints, Points, born
-from tracker.points.surfaces.matching import LeastSquaresMatching, PatchImage
+from tracker.points.surfaces import LeastSquaresMatching, PatchImage
 
 
 @component

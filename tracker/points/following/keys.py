@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from tracker.foundation.arrays import Array, Array32, Image, Integers, Mask
 from tracker.kernels.patches import COVARIANCE, N_FOUND, cut_keys, key_side, match_keys
-from tracker.points.surfaces.matching import LeastSquaresMatching, Matches, PatchImage
+from tracker.points.surfaces import LeastSquaresMatching, Matches, PatchImage
 
 
 @dataclass

@@ -13,7 +13,7 @@ from tracker.kernels.patches import bending_shifts
 from tracker.points.following.following import Following
 from tracker.points.following.keys import Keys, Sighting, Starts, find_keys
 from tracker.points.following.points import N_NEAREST, Points, carried, expected
-from tracker.points.surfaces.matching import PatchImage
+from tracker.points.surfaces import PatchImage
 from tracker.points.trajectories import PointStatus
 
 

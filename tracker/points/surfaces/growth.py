@@ -14,7 +14,7 @@ from tracker.foundation.arrays import Array, Integers, Mask, frozen
 from tracker.foundation.configuration.components import component
 from tracker.foundation.progress import Progress, silent
 from tracker.kernels.patches import HALF_PATCH, MATCHED, N_FOUND, UNTRIED, Grid, Heap, grow, push_all
-from tracker.points.surfaces.matching import FAILURES, LeastSquaresMatching, Matches, PatchImage
+from tracker.points.surfaces import FAILURES, LeastSquaresMatching, Matches, PatchImage
 
 # So that progress is told, and Ctrl-C heard, again and again.
 _ATTEMPTS_A_CALL = 20_000

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import MatchingError
 from tracker.kernels.patches import N_FOUND, NOT_CONVERGED, match_patches
+from tracker.points.surfaces import FAILURES, LeastSquaresMatching, Matches
 from tracker.points.surfaces.growth import MatchField
-from tracker.points.surfaces.matching import FAILURES, LeastSquaresMatching, Matches
 from tracker.points.surfaces.surface import PreparedView, Surface
 
 # Shown around a patch, in patches; width of a view, inches.

@@ -13,8 +13,8 @@ from tracker.cameras.triangulation import triangulate
 from tracker.foundation.arrays import Array, Image, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import MatchingError
+from tracker.points.surfaces import LeastSquaresMatching, Matches, PatchImage
 from tracker.points.surfaces.growth import Growth
-from tracker.points.surfaces.matching import LeastSquaresMatching, Matches, PatchImage
 
 # Lowe 2004, section 7.1.
 _RATIO = 0.8

@@ -18,8 +18,8 @@ from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import ConfigError, MatchingError, SequenceError, nearest
 from tracker.foundation.progress import Progress, silent, within
 from tracker.images.operations.appearance import wallis_filter
+from tracker.points.surfaces import LeastSquaresMatching, Matches, PatchImage
 from tracker.points.surfaces.growth import Growth, MatchField, corrected_for_curvature
-from tracker.points.surfaces.matching import LeastSquaresMatching, Matches, PatchImage
 from tracker.points.surfaces.points import (
     Attempt,
     Coverage,
