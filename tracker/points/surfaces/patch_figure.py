@@ -113,9 +113,8 @@ def _enlarge(axis: Axes, way: Array) -> None:
     left = way - way[-1]
     inset.plot(*left.T, "-o", color="darkorange", markersize=3, linewidth=1)
     reach = 1.2 * max(float(np.abs(left).max()), 0.01)
-    inset.set(xlim=(-reach, reach), ylim=(reach, -reach), aspect="equal", title="way, px")
-    inset.title.set(fontsize=7, color="white")
-    inset.tick_params(labelsize=6, colors="white")
+    inset.set(xlim=(-reach, reach), ylim=(reach, -reach), aspect="equal", xticks=[], yticks=[])
+    inset.text(0.5, 0.03, f"way, {2 * reach:.2f} px across", fontsize=7, ha="center", transform=inset.transAxes)
 
 
 def _show(axis: Axes, view: PreparedView, at: Array, patch_px: int) -> None:
