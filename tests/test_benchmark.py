@@ -152,7 +152,7 @@ def test_recognition_prints_its_columns(
     monkeypatch.setenv("BODYTRACK_DATA", str(data("motions").parent))
     smaller("recognition", monkeypatch)
     printed = benchmark_here("recognition")
-    for word in ("nobody of whom is in", "walk", "taken for", "nothing known", "true joints"):
+    for word in ("nobody of whom is in", "walk", "taken for", "true joints"):
         assert word in printed
     assert len(re.findall("^│", printed, re.MULTILINE)) >= 10
 
