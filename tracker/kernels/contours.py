@@ -52,8 +52,7 @@ def trace_contours(
     Args:
         placements: (B, P, 4, 4) world_from_part, metres.
         shapes: (P, 7) packed superquadrics.
-        grids, planes, layout: surface grids, see `find_pieces`.
-        bounds: (3, P), see `place_solids`.
+        grids, planes, layout, bounds: of the surfaces, see `tracker.kernels.descent.Tracing`.
         cameras: (V, 29) from `Rig.packed`.
         sizes: (V, 2) image sizes, px.
         spacing: contour a sample stands for, px; distance at which parts touch, metres.

@@ -32,16 +32,32 @@ class Model(NamedTuple):
 
 
 class Tracing(NamedTuple):
-    """What the parts of a scene are traced by; see `tracker.kernels.contours.trace_contours`."""
+    """What the parts of a scene are traced by, as `tracker.kernels.contours.trace_contours` takes it."""
 
     shapes: Array
+    """(P, 7) packed superquadrics."""
+
     grids: Array32
+    """(P, F, 7) points of the surfaces, their normals, and the products of both."""
+
     planes: Array32
+    """(P, 4, R C) normals at the corners of the grids, and their products with the points."""
+
     layout: tuple[int, int]
+    """R rows and C columns of the grids; F = (2 R - 1) (2 C)."""
+
     bounds: Array
+    """(3, P) radii of bounding spheres, metres; reaches of bounding ellipsoids, squared, in half extents; largest
+    distances of the surface from the z axis, metres."""
+
     cameras: Array
+    """(V, 29) from `Rig.packed`."""
+
     sizes: Array
+    """(V, 2) image sizes, px."""
+
     spacing: tuple[float, float]
+    """Contour that a sample stands for, px; distance at which parts touch, metres."""
 
 
 class Edges(NamedTuple):
@@ -60,9 +76,10 @@ class Edges(NamedTuple):
     """(V + 1,)."""
 
     cosine: float
-    """Least of the angle of a pair's directions."""
+    """Least cosine of the angle between a pair's directions."""
 
     px_per_observation: float
+    """Contour that counts as one observation, px."""
 
 
 class Colours(NamedTuple):
@@ -79,6 +96,7 @@ class Colours(NamedTuple):
     """(3, P) of the parts, as `parts_beside` takes them."""
 
     px_per_observation: float
+    """As of `Edges`."""
 
 
 class Places(NamedTuple):
@@ -151,6 +169,7 @@ class Reached(NamedTuple):
     """Sum of w of it."""
 
     n_steps: int
+    """Gauss-Newton steps taken."""
 
 
 def descend(

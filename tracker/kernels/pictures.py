@@ -179,7 +179,7 @@ def fill_parts(placements: Array, grids: Array32, layout: tuple[int, int], camer
 
     Args:
         placements: (P, 4, 4) world_from_part, metres.
-        grids: (P, F, 7) surface points first; see `tracker.kernels.contours.find_pieces`.
+        grids: (P, F, 7) surface points first; see `tracker.kernels.descent.Tracing`.
         layout: R, C of the grids, with F = (2 R - 1) (2 C) and 2 C at most 62.
         camera: (29,) row of `Rig.packed`.
         mask: (h, w) in and out; parts that come nearer to the camera than 5 cm, or that are not wholly within the reach

@@ -176,7 +176,7 @@ def parts_beside(
     Args:
         placements: (B, P, 4, 4) world_from_part, metres.
         shapes: (P, 7) packed superquadrics.
-        bounds: (3, P), see `place_solids`.
+        bounds: (3, P) of the surfaces, see `tracker.kernels.descent.Tracing`.
         cameras: (V, 29) from `Rig.packed`.
         positions, points, parts, counts: of `Contours`.
         step_m: see `Rule`.
