@@ -13,7 +13,7 @@ from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 
 
 def main(
-    movement: Annotated[str, typer.Argument(help="Movement of the model's file; none for its first one.")] = "",
+    movement: Annotated[str, typer.Argument(help="Movement in the model's file; default: its first one.")] = "",
     output: Annotated[Path, typer.Option(help="Folder to make.")] = Path("results/sequence"),
     seconds: Annotated[float, typer.Option(min=0.04, help="Length.")] = 3.0,
     fps: Annotated[float, typer.Option(min=1, help="Frames per second.")] = 25.0,
@@ -21,7 +21,7 @@ def main(
     heading_deg: Annotated[float, typer.Option(help="Direction faced at the start, degrees.")] = -40.0,
     persons: Annotated[int, typer.Option(min=1, max=2, help="Number of persons.")] = 1,
     noise_grey: Annotated[float, typer.Option(min=0, help="Sensor noise, grey levels.")] = 3.0,
-    exposure_ms: Annotated[float, typer.Option(min=0, help="Shutter time: what moves meanwhile is smeared.")] = 0.0,
+    exposure_ms: Annotated[float, typer.Option(min=0, help="Shutter time: movements meanwhile are blurred.")] = 0.0,
     wardrobe: Annotated[int, typer.Option(min=0, max=2, help="Clothes; 2: all of one dark colour.")] = 0,
     model: Annotated[str, typer.Option(help="Bundled body model, or a model file.")] = "gavrila22",
     seed: Annotated[int, typer.Option(min=0, help="Chooses the room and the noise.")] = 0,

@@ -212,8 +212,8 @@ def test_c3d_of_pose2sim_is_read(tmp_path):
 
 C3D_FAULTS: dict[str, tuple[dict[str, object], dict[str, float], str]] = {
     "no names": ({"LABELS": None}, {}, "POINT:LABELS is missing: 3 points in it have no names"),
-    "no unit": ({"UNITS": None}, {}, "POINT:UNITS is missing: say it in the marker set"),
-    "an empty unit": ({"UNITS": ["  "]}, {}, "POINT:UNITS is missing: say it in the marker set"),
+    "no unit": ({"UNITS": None}, {}, "POINT:UNITS is missing: set it in the marker set"),
+    "an empty unit": ({"UNITS": ["  "]}, {}, "POINT:UNITS is missing: set it in the marker set"),
     "a unit of no length": ({"UNITS": ["deg"]}, {}, 'POINT:UNITS is "deg"; valid: cm'),
     "units of nobody": ({"UNITS": ["mm", "deg"]}, {}, "POINT:UNITS has 2 units for 3 points"),
     "no rate": ({"RATE": None}, {"rate": 0.0}, "POINT:RATE is missing, and 0 in the header"),

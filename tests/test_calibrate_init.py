@@ -118,7 +118,7 @@ def test_a_configuration_is_written_that_calibrate_reads(tmp_path: Path, monkeyp
 def test_a_length_that_no_picture_tells_is_left_to_be_measured(tmp_path: Path) -> None:
     recorded(tmp_path / "film", charuco(5, 6))
     told = run("init", tmp_path / "film", "--output", tmp_path / "c.toml")
-    assert "no picture tells how long a square is" in told
+    assert "no picture shows how long a square is" in told
     with pytest.raises(ConfigError, match="square_m"):
         load_calibration(tmp_path / "c.toml", "chessboard")
 

@@ -189,7 +189,7 @@ def test_a_run_looks_at_keypoints_beside_the_rest_and_tells_so(config):
     assert job.initialization.keypoints.path == str(config.parent / "keypoints" / "{view}_json")
     assert job_from("track", described(job), "config.toml", Path("/elsewhere"), "run") == job
     sections |= {"evidence": {"use": "contours"}, "initialization": {"use": "pca"}}
-    with pytest.raises(ConfigError, match="look at none: leave one of them to `auto`"):
+    with pytest.raises(ConfigError, match="neither uses them: leave one of them to `auto`"):
         job_from("track", sections, "run.toml", config.parent, "run")
 
 

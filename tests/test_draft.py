@@ -79,7 +79,7 @@ def test_the_schema_that_a_draft_names_lies_beside_it(study, monkeypatch):
     assert CliRunner().invoke(app, ["init", "videos", "--output", "again.toml"]).exit_code == 0
     Path("bodytrack.schema.json").write_text('{"title": "mine"}')
     refused = CliRunner().invoke(app, ["init", "videos", "--output", "other_run.toml"])
-    assert "bodytrack.schema.json is something else than a schema of bodytrack" in str(refused.exception)
+    assert "bodytrack.schema.json is not a schema of bodytrack" in str(refused.exception)
     assert Path("bodytrack.schema.json").read_text() == '{"title": "mine"}'
     assert not Path("other_run.toml").exists()
 
@@ -95,8 +95,8 @@ def test_what_is_missing_or_does_not_fit_is_said(study):
     shutil.rmtree(study / "background")
     (study / "videos" / "trial1_BACK.mp4").rename(study / "videos" / "notes.mp4")
     found = draft(study / "videos", study / "run.toml")
-    assert found.remarks[0] == "cameras without a recording: BACK; `views` names those that are used"
-    assert found.remarks[1] == "left out, for their names follow another pattern: notes.mp4"
+    assert found.remarks[0] == "cameras without a recording: BACK; `views` names the others"
+    assert found.remarks[1] == "left out, because their names follow another pattern: notes.mp4"
     assert "no plates found" in found.remarks[2]
     assert "# background" in found.text
     shutil.rmtree(study / "Calibration")
@@ -111,7 +111,7 @@ def test_what_is_written_for_fewer_views_than_cameras_can_be_opened(study):
     (study / "background" / "LEFT_empty.png").unlink()
     found = draft(study / "videos", study / "run.toml")
     assert any(
-        line.endswith("else plates are made of the recording") and "no plate of LEFT" in line for line in found.remarks
+        line.endswith("else the recording makes plates") and "no plate of LEFT" in line for line in found.remarks
     )
     (study / "run.toml").write_text(found.text)
     assert tomllib.loads(found.text)["reading"]["views"] == ["FRONT", "RIGHT", "LEFT"]
@@ -139,7 +139,7 @@ def test_numbered_images_of_no_view_are_told_where_to_lie(tmp_path, monkeypatch)
     monkeypatch.chdir(tmp_path)
     found = draft(Path(), tmp_path / "run.toml")
     assert found.footage == ()
-    assert "left out, for their names follow another pattern: {frame}.png" in found.remarks
+    assert "left out, because their names follow another pattern: {frame}.png" in found.remarks
     assert tomllib.loads(found.text)["reading"] == {"use": "images", "path": "{view}/{frame}.png"}
 
 
@@ -205,7 +205,7 @@ def test_numbered_images_are_found(pictures):
     assert [(one.view, one.size, one.n_frames) for one in found.footage] == [
         (view, (360, 288), 3) for view in ("BACK", "FRONT", "LEFT", "RIGHT")
     ]
-    assert found.remarks[0] == "images do not tell how many there are a second: set `fps`"
+    assert found.remarks[0] == "images have no frame rate: set `fps`"
     reading = tomllib.loads(found.text)["reading"]
     assert reading == {"use": "images", "path": f"images/{pattern}", "rig": "rig.toml"}
     (folder / "run.toml").write_text(found.text)
@@ -230,7 +230,7 @@ def test_all_calibrations_and_plates_that_could_be_meant_are_told(study):
     assert "A.toml; --rig chooses one" in rigs
     assert "other plates there" in plates
     assert "plates_of_yesterday" in plates
-    assert '# rig = "Calibration/A.toml"   # is there, too' in found.text
+    assert '# rig = "Calibration/A.toml"   # another one' in found.text
     assert "floor z = 0" in found.world
 
 
@@ -249,7 +249,7 @@ def test_files_that_are_not_called_after_the_cameras_are_written_as_a_table(stud
     for view, file in zip(views, files, strict=True):
         (study / "videos" / f"trial1_{view}.mp4").rename(study / "videos" / f"{file}.mp4")
     found = draft(study / "videos", study / "run.toml")
-    line = next(line for line in found.remarks if "are not called after the cameras" in line)
+    line = next(line for line in found.remarks if "are not named after the cameras" in line)
     assert ("GUESSED" in line, "GUESSED" in found.text) == (guessed, guessed)
     assert tomllib.loads(found.text)["reading"]["path"] == {
         name: f"videos/{file}.mp4" for name, file in zip(names, files, strict=True)
@@ -309,7 +309,7 @@ def test_one_view_is_too_few(study):
     for view in ("LEFT", "RIGHT", "BACK"):
         (study / "videos" / f"trial1_{view}.mp4").unlink()
     found = draft(study / "videos", study / "run.toml")
-    assert "one view: at least two are needed, for one does not tell how far away anybody is" in found.remarks
+    assert "one view: at least two are needed, for one does not show how far away a person is" in found.remarks
     (study / "run.toml").write_text(found.text)
     with pytest.raises(ConfigError, match="one view: at least two are needed"):
         load_job("track", study / "run.toml", MEASURED).open()

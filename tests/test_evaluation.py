@@ -354,6 +354,6 @@ def test_raw_errors_stand_beside_the_sigmas_that_the_run_tells(result, truth, tm
     assert np.isnan(found.over_sigma("hip"))
     monkeypatch.chdir(tmp_path)
     told = CliRunner().invoke(app, ["evaluate", "result", "--truth", "truth"], env={"COLUMNS": "120"}).stdout
-    assert re.search(r"left knee, RMS \(offset removed; told\) +│ +0\.00 deg \(0\.00; 3\.00\)", told)
-    assert re.search(r"left wrist \(offset removed; told\) +│ +20\.0 mm \(0\.0; 30\.0\)", told)
-    assert re.search(r"joints, error over told sigma +│ +0\.7", told)
+    assert re.search(r"left knee, RMS \(offset removed; sigma\) +│ +0\.00 deg \(0\.00; 3\.00\)", told)
+    assert re.search(r"left wrist \(offset removed; sigma\) +│ +20\.0 mm \(0\.0; 30\.0\)", told)
+    assert re.search(r"joints, error over sigma +│ +0\.7", told)

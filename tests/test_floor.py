@@ -259,10 +259,10 @@ def test_a_view_without_a_picture_of_the_floor_is_left_out(rig_file: Path) -> No
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (["--floor", "auto"], "expected --seen RESULT"),
+        (["--floor", "auto"], "needs --seen RESULT"),
         (["--floor", "0.3", "--seen", "x"], "expected --floor auto, and no --up"),
         (["--floor", "auto", "--up", "y", "--seen", "x"], "expected --floor auto, and no --up"),
-        (["--floor", "low"], "expected metres along the axis that is up, or auto"),
+        (["--floor", "low"], "expected metres along the upward axis, or auto"),
         (["--floor", "nan"], "expected metres"),
         (["--floor", "auto", "--seen", "nowhere/{view}.png"], "no such file for any of the views near, beside, far"),
         (["--floor", "auto", "--seen", "one.png"], "all 3 views would show the same"),
@@ -291,7 +291,7 @@ def test_a_result_tells_the_floor_of_its_rig(tmp_path: Path) -> None:
 def test_a_result_of_bodies_without_feet_tells_no_floor(tmp_path: Path) -> None:
     upper = load_body(MODELS / "upper21.toml")
     result = performed(upper, np.tile(upper.rest(), (12, 1))).result(tmp_path / "result")
-    with pytest.raises(CalibrationError, match="nobody there has feet"):
+    with pytest.raises(CalibrationError, match="no person there has feet"):
         run("check", result / "rig.toml", "--floor", result)
 
 

@@ -37,7 +37,7 @@ def account_of(n_parts: int, left_over: np.ndarray) -> Account:
     ("images_left_over", "keypoints_off", "words"),
     [
         (0.45, False, "without them 1 limb in 1 of 1 frames (left_arm 1) would be in doubt"),
-        (0.1, False, "no limb would be in doubt for want of them"),
+        (0.1, False, "no limb would be in doubt without them"),
         (0.1, True, "1 limb in 1 of 1 frames (left_arm 1) are in doubt by them alone"),
     ],
 )

@@ -205,7 +205,7 @@ def test_what_looks_at_frames_twice_is_refused(numbered: Path, settings: dict[st
     usual = {"passes": 1, "inspection": "false", "shape": "model"}
     path = numbered / "job.toml"
     path.write_text(JOB.format(**(usual | settings)))
-    with pytest.raises(ConfigError, match=f"no frame can be looked at twice, expected {told}"):
+    with pytest.raises(ConfigError, match=f"the cameras deliver each frame once, expected {told}"):
         load_job("track", path)
     path.write_text(JOB.format(**usual))
     with pytest.raises(TrackerError, match="run anew without --resume"):

@@ -67,7 +67,7 @@ def test_a_unit_that_cannot_be_is_refused(tmp_path, per_mm, told):
     """Angles agree in any unit, places do not: metres that are called millimetres, or the other way round."""
     cells = [[f"{value * per_mm:.6f}" for value in row.ravel()] for row in POINTS_MM]
     path = written(tmp_path, trc(cells).replace("\tmm\t", f"\t{told}\t"))
-    with pytest.raises(SequenceError, match=r"markers lie .* apart, expected 0\.03 to 100: its unit is another one"):
+    with pytest.raises(SequenceError, match=r"markers lie .* apart, expected 0\.03 to 100: the unit is wrong"):
         read_markers(path)
     same(read_markers(path, "mm" if per_mm == 1 else "m"))
 
@@ -80,7 +80,7 @@ def test_a_name_of_two_markers_is_refused_where_it_is_used(tmp_path, kind):
     read = read_markers(written(tmp_path, trc(names=names) if kind == "trc" else content))
     assert read.names == names
     check_marker_set(MarkerSet(joints={"left_shoulder": ("LSHO",)}), Path("set.toml"), read, ["left_shoulder"])
-    with pytest.raises(ConfigError, match='2 markers of the recording are called "LELB", which one is meant'):
+    with pytest.raises(ConfigError, match='2 markers of the recording are called "LELB": rename'):
         check_marker_set(MarkerSet(joints={"left_elbow": ("LELB",)}), Path("set.toml"), read, ["left_elbow"])
     owned = Markers(tuple(f"Anna:{name}" for name in names), read.times_s, read.points)
     with pytest.raises(ConfigError, match='2 markers of the recording are called "LELB"'):

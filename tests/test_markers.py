@@ -208,7 +208,7 @@ def test_who_wore_the_markers_must_be_said(body, recording, tmp_path):
     result = write_result(tmp_path / "r", joints_at(body, TIMES_S), ("anna", "ben"))
     (tmp_path / "m.trc").write_text(trc_text(recording))
     chosen = write_set(tmp_path / "set.toml")
-    with pytest.raises(SequenceError, match="2 persons: say by --person"):
+    with pytest.raises(SequenceError, match="2 persons: choose by --person"):
         compare(result, tmp_path / "m.trc", chosen)
     with pytest.raises(SequenceError, match='nobody is called "bn"; did you mean "ben"'):
         compare(result, tmp_path / "m.trc", chosen, "bn")
@@ -237,7 +237,7 @@ def test_a_marker_that_another_one_is_called_after_is_told_or_refused(compared):
         chosen, "[joints]\n" + "".join(f"{name} = {list(pair)}\n".replace("'", '"') for name, pair in arm.items())
     )
     found = compare(result, markers, chosen).findings
-    assert "several markers are called the same, and are not used: M2" in found
+    assert "several markers have the same name, and are not used: M2" in found
     assert "m.trc: 1 of 12 markers have no name, and are left out" in found
 
 

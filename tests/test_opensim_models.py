@@ -206,7 +206,7 @@ def test_it_is_exported_by_the_command(model, tmp_path):
     assert done.exit_code == 0, done.output
     assert tree(tmp_path / "out" / "person1_own_scale.xml").findtext("ScaleTool/mass") == "72"
     for more, words in (
-        ([], "--model: expected"),
+        ([], "--model needs --to"),
         (["--model", str(model), "--mass-kg", "72kg"], "--mass-kg 72kg: expected kilograms"),
         (["--model", str(model), "--mass-kg", "nils=72"], 'nobody is called "nils"'),
     ):

@@ -56,7 +56,7 @@ def test_the_command_writes_a_table_and_a_picture(squat_result):
 def test_the_command_says_where_nothing_is_known(squat_result, tmp_path):
     cartwheel = next(iter(load_library(()).movements["cartwheel"].performances.values()))
     add_performance(tmp_path / "mine", "cartwheel", "a", Course(0.0, cartwheel, np.ones(68, bool)), Description())
-    assert "anna: nothing known: none of 1 movements fits" in told(squat_result, "--library", tmp_path / "mine")
+    assert "anna: none of 1 known movements fits" in told(squat_result, "--library", tmp_path / "mine")
 
 
 def test_a_result_is_added_and_then_recognized(squat_result, tmp_path):
@@ -111,12 +111,12 @@ def test_mistakes_are_one_line_and_nothing_is_written(squat_result, tmp_path, mo
     assert not (squat_result / "movements.csv").exists()
 
 
-def test_who_is_lost_all_along_is_not_said_to_do_something_unknown(tmp_path):
+def test_a_person_lost_in_every_frame_is_not_said_to_do_something_unknown(tmp_path):
     times = np.arange(0, 1.2, 0.04)
     movement = performed(BODY, poses_of("squat", BODY, times), np.ones(len(times), bool))
     output = told(movement.result(tmp_path / "run"))
-    assert "anna: lost all along" in output
-    assert "nothing known" not in output
+    assert "anna: lost in every frame" in output
+    assert "none of" not in output
 
 
 def test_a_single_frame_is_no_movement(tmp_path):
@@ -129,5 +129,5 @@ def test_a_single_frame_is_no_movement(tmp_path):
 
 def test_several_persons_are_told_apart(tmp_path):
     folder = made_up("gavrila22", "human").result(tmp_path / "run")
-    assert "person2: nothing known" in told(folder)
+    assert "person2: none of" in told(folder)
     assert "choose one with --person: person1, person2" in told("--add", folder, "x", "--library", tmp_path / "mine")

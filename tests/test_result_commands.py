@@ -152,4 +152,4 @@ def test_several_recordings_are_tracked_side_by_side(words, names, recordings, t
 
 def test_what_several_recordings_would_take_is_not_told(recordings):
     told = str(CliRunner().invoke(app, ["run", *recordings, "--dry-run"]).exception)
-    assert told == "--dry-run: of one configuration at a time, without --batch, --jobs and --scheduler"
+    assert told == "--dry-run takes one configuration at a time, without --batch, --jobs and --scheduler"

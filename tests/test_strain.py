@@ -210,7 +210,7 @@ def test_the_command_writes_a_table_and_a_picture_a_frame(followed: Path) -> Non
         (["--frames", "30:"], "no frame to compare"),
         (["--frames", "x"], "expected A:B"),
         (["--view", "nort"], 'no view is called "nort"'),
-        (["--person", "anna"], "--person: is one of a run; name its result by --body"),
+        (["--person", "anna"], "--person needs --body: the result of a run"),
     ],
 )
 def test_what_cannot_be_is_one_line_and_nothing_is_written(followed: Path, options: list[str], words: str) -> None:
@@ -222,7 +222,7 @@ def test_what_cannot_be_is_one_line_and_nothing_is_written(followed: Path, optio
 
 def test_what_is_no_following_in_space_is_refused(followed: Path, tmp_path: Path) -> None:
     written(np.zeros((2, 3, 2)), 0.1, 0.1, followed / "trajectories.csv")
-    with pytest.raises(TrackerError, match="strain needs them in space"):
+    with pytest.raises(TrackerError, match="strain needs points in space"):
         run(str(followed))
     (followed / "follow.json").write_text('{"config": {}}')
     with pytest.raises(TrackerError, match=r"damaged: no width of the patches"):

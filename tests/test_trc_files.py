@@ -140,7 +140,7 @@ TRC_FAULTS: dict[str, tuple[Callable[[str], str], str]] = {
     "several values missing": (lambda text: text.replace("\t20\t3\t", "\t"), "line 3 has 5 values for the 7 names"),
     "no column Units": (
         lambda text: text.replace("\tmm\t", "\t").replace("\tUnits\t", "\t"),
-        'Units in line 3 is missing: say it in the marker set, for instance unit = "mm"',
+        'Units in line 3 is missing: set it in the marker set, for instance unit = "mm"',
     ),
     "a unit of no length": (lambda text: text.replace("\tmm\t", "\tdeg\t"), 'Units in line 3 is "deg"; valid: cm, dm'),
     "two names for three columns": (

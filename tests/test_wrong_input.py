@@ -101,7 +101,7 @@ def test_cells_that_something_else_separates(tmp_path: Path, sign: str, words: s
 
 def test_a_rig_whose_cameras_no_recording_is_called_after(copied: Path) -> None:
     save_rig(sample_rig("A", "B"), copied / "other.toml")
-    with pytest.raises(CalibrationError, match=r"called after one of its cameras \(A, B\): east\.mp4"):
+    with pytest.raises(CalibrationError, match=r"named after one of its cameras \(A, B\): east\.mp4"):
         draft(copied, copied / "run.toml", copied / "other.toml")
     assert tuple(one.view for one in draft(copied, copied / "run.toml").footage) == VIEWS
 
@@ -116,7 +116,7 @@ def test_epipolar_lines_need_a_picture_of_each_view(copied: Path) -> None:
 def test_frames_are_those_of_a_run(tmp_path: Path) -> None:
     (tmp_path / "pairs.toml").write_text("[[pairs]]\n")
     said = told("acquire", tmp_path / "pairs.toml", "--frames", "0:5")
-    assert said == f"--frames 0:5: only of a run's configuration; {tmp_path / 'pairs.toml'} has no [reading]"
+    assert said == f"--frames 0:5: needs the configuration of a run; {tmp_path / 'pairs.toml'} has no [reading]"
 
 
 FOREIGN = {

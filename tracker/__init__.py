@@ -1,7 +1,7 @@
 """bodytrack: model-based, marker-less motion capture from calibrated views.
 
 For programs: `tracker.load_run(config)` makes a run, `tracker.load_result(folder)` loads what one has left.
-`dir(tracker)` lists all that is offered; docs/python.md shows how it is used, and which names stay.
+`dir(tracker)` lists the public names; docs/python.md shows their use, and the stable ones.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ _OFFERED = {
     "simulate": "running.programs",
     "smooth": "running.programs",
 }
-"""What the package offers by itself -> its module, which loads when it is asked for; `__init__.pyi` has the types."""
+"""Public name -> its module, which loads on demand; `__init__.pyi` has the types."""
 
 
 def __getattr__(name: str) -> object:
-    """PEP 562: importing the package loads nothing, and so `bodytrack --help` is quick."""
+    """PEP 562: importing the package loads nothing, so `bodytrack --help` is quick."""
     if name not in _OFFERED:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(f"{__name__}.{_OFFERED[name]}"), name)

@@ -1,4 +1,4 @@
-"""Results: what a run leaves on disk, and all that is made of it: exports, smoothing, evaluation, recognition.
+"""Results: files of a run, and the work on them: exports, smoothing, evaluation, recognition.
 
-It loads and writes results, and tracks nothing. It imports `tracking` and all below it.
+It loads and writes results, and tracks nothing. It imports `tracking` and all rooms below it.
 """

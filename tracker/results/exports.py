@@ -27,31 +27,31 @@ from tracker.tracking.trajectory import Step
 log = logging.getLogger("tracker")
 
 EXPORTS = "exports"
-"""Folder in a result's, for what is exported afterwards."""
+"""Folder in a result for exports after the run."""
 
 _DETAILS = (
     *("config", "choices", "images", "versions", "inputs", "findings", "keypoints", "bodies"),
     *("smoothing", "alignment", "alignment_change"),
 )
-"""What recordings tell of how a result was made."""
+"""Statements of recordings about how a result was made."""
 
 
 def write_recordings(
     result: Result, recordings: Iterable[Recording], folder: Path, overwrite: bool = False
 ) -> tuple[Path, ...]:
-    """Writes recordings that need poses and times only, no images: all of them or none.
+    """Writes recordings that need only poses and times, no images: all of them or none.
 
     Args:
         result: of a run.
-        recordings: what to write.
-        folder: where to; it is made.
-        overwrite: replace files that are there already.
+        recordings: the formats.
+        folder: place of the files; it is created.
+        overwrite: replace existing files.
 
     Returns:
-        The files written.
+        Paths of the files.
 
     Raises:
-        TrackerError: the result cannot be written so, or a file is there already.
+        TrackerError: a format cannot hold the result, or a file exists already.
     """
     new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
@@ -73,11 +73,10 @@ def write_pictures(
 
     Args:
         result: the poses.
-        recordings: what to write.
-        frames: of the recording that the result was made from, in order; where one is not there any more, nothing is
-            shown but the contours.
-        folder: that holds the result's tables, which a report links to.
-        progress: told how far it is.
+        recordings: the formats.
+        frames: of the result's recording, in order; without an image only the contours are shown.
+        folder: with the result's tables, for a report's links.
+        progress: gets the frames written.
     """
     _written(result, recordings, folder, _pictured(result, frames, progress))
 
@@ -92,7 +91,7 @@ def _pictured(result: Result, frames: Iterable[Frame], progress: Progress) -> It
 
 
 def _next(frames: Iterator[Frame], index: int) -> Frame | None:
-    """The frame of a number among those that follow; None if it cannot be read."""
+    """The frame with a number among those that follow; None if it cannot be read."""
     try:
         return next((frame for frame in frames if frame.index >= index), None)
     except TrackerError as error:
@@ -123,11 +122,11 @@ def _written(result: Result, recordings: Iterable[Recording], folder: Path, step
 
 
 def write_result(result: Result, folder: Path) -> None:
-    """Writes a result, whose poses were changed after the run, as one that loads, exports and is evaluated like it.
+    """Writes a result with changed poses; it loads, exports and is evaluated like the run's.
 
     Args:
-        result: with the poses as they are now; `folder` is that of the run.
-        folder: where to.
+        result: with the changed poses; `folder` is that of the run.
+        folder: of the new result.
     """
     write_recordings(result, [CsvTable(), RunJson(), Journal()], folder)
     save_rig(result.rig, folder / "rig.toml")
@@ -135,15 +134,15 @@ def write_result(result: Result, folder: Path) -> None:
 
 
 def check_place(folder: Path, change: str, overwrite: bool) -> None:
-    """Refuses a folder for a changed result that holds something, except one that is to be replaced.
+    """Refuses a folder that is not empty, except for a changed result that may be replaced.
 
     Args:
         folder: may be missing.
-        change: what run.json tells of such results: one of `tracker.results.result.CHANGED`.
-        overwrite: whether such a result may be replaced; anything else never is.
+        change: key of such results in run.json: one of `tracker.results.result.CHANGED`.
+        overwrite: whether such a result may be replaced; other files never are.
 
     Raises:
-        ConfigError: the folder holds something.
+        ConfigError: the folder is not empty.
     """
     told = folder / "run.json"
     replaceable = told.is_file() and change in json_of(told, ConfigError)

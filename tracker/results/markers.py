@@ -1,4 +1,4 @@
-"""A recording of a marker system: where each marker was when, in its own world and by its own clock."""
+"""A recording of a marker system: trajectories of markers, in its own world and by its own clock."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Markers:
     """
 
     names: tuple[str, ...]
-    """Of the M markers, as the file calls them."""
+    """Names of the M markers in the file."""
 
     times_s: Array
     """(T,) seconds of the marker system's clock, increasing."""
@@ -30,7 +30,7 @@ class Markers:
     """(T, M, 3) metres in the marker system's world, NaN where a marker was not seen."""
 
     remarks: tuple[str, ...] = ()
-    """What the file holds and is not read, or tells in two ways, each a line for who looks at the result."""
+    """Remarks about entries of the file that are not read, or contradict each other."""
 
     def __post_init__(self) -> None:
         fault = shape_fault(self.points, len(self.times_s), len(self.names), 3)
@@ -43,7 +43,7 @@ class Markers:
 
     @property
     def rate_hz(self) -> float:
-        """Usual number of frames a second."""
+        """Usual frame rate."""
         return 1.0 / float(np.median(np.diff(self.times_s)))
 
     @property
@@ -55,7 +55,7 @@ class Markers:
 def without_gaps(points: Array) -> Array:
     """Points (..., 3) of a file with NaN where a position is incomplete, endless, or exactly the origin.
 
-    Marker systems that have no sign for a gap write zeros; nobody wears a marker at the origin to the last digit.
+    Marker systems without a sign for gaps write zeros; no person wears a marker at the origin to the last digit.
     """
     missing: Mask = ~(np.abs(points) < _ENDLESS).all(axis=-1) | (points == 0).all(axis=-1)
     kept: Array = np.where(missing[..., None], np.nan, points)
@@ -63,7 +63,7 @@ def without_gaps(points: Array) -> Array:
 
 
 _ENDLESS = 1e20
-"""In any unit: NDI's systems (Optotrak, Polaris) write -3.697314e28 for what they do not see."""
+"""In any unit: NDI's systems (Optotrak, Polaris) write -3.697314e28 for a hidden marker."""
 
 
 def metres_per_unit(path: Path, entry: str, found: str, told: str | None) -> float:
@@ -72,14 +72,14 @@ def metres_per_unit(path: Path, entry: str, found: str, told: str | None) -> flo
     Args:
         path: of the file, for messages.
         entry: of the file that names the unit, for messages.
-        found: what stands there; empty where nothing does.
-        told: what the marker set says, which counts.
+        found: its value; empty if it is missing.
+        told: unit in the marker set, which takes precedence.
 
     Raises:
-        SequenceError: nobody says it, or it is no unit of length.
+        SequenceError: neither names a unit, or it is not a unit of length.
     """
     if not found and told is None:
-        raise SequenceError(f'{path}: {entry} is missing: say it in the marker set, for instance unit = "mm"')
+        raise SequenceError(f'{path}: {entry} is missing: set it in the marker set, for instance unit = "mm"')
     metres = metres_in(told or found)
     if metres is None:
         raise SequenceError(f'{path}: {entry} is "{shortened(found)}"; {nearest(found, METRES_PER_UNIT)}')
@@ -87,10 +87,10 @@ def metres_per_unit(path: Path, entry: str, found: str, told: str | None) -> flo
 
 
 def check_size(path: Path, recording: Markers) -> None:
-    """Refuses markers that no unit of the file's can be right for: angles would agree in any unit.
+    """Refuses markers whose unit cannot be right: angles would agree in any unit.
 
     Raises:
-        SequenceError: they lie nearer together than those of a hand, or farther apart than in any laboratory.
+        SequenceError: they are closer together than those of a hand, or farther apart than any laboratory is long.
     """
     places = recording.points[np.isfinite(recording.points[..., 0]).sum(axis=1) > 1]
     if not len(places):
@@ -99,10 +99,11 @@ def check_size(path: Path, recording: Markers) -> None:
     span_m = float(np.median(spans_m))
     if not _SMALLEST_M < span_m < _LARGEST_M:
         raise SequenceError(
-            f"{path}: its markers lie {span_m:.3g} m apart, expected {_SMALLEST_M:g} to {_LARGEST_M:g}: its unit is "
-            'another one, say it in the marker set, for instance unit = "m"'
+            f"{path}: its markers lie {span_m:.3g} m apart, expected {_SMALLEST_M:g} to {_LARGEST_M:g}: the unit is "
+            'wrong, set it in the marker set, for instance unit = "m"'
         )
 
 
 _SMALLEST_M, _LARGEST_M = 0.03, 100.0
-"""A person of 1.8 m in the next smaller unit, centimetres, is 0.018 m; the largest halls have 60 m."""
+"""Limits of the extent: a person of 1.8 m in the next smaller unit, centimetres, is 0.018 m; the largest halls have 60
+m."""

@@ -1,4 +1,4 @@
-"""A finished run, loaded from its folder: who did what when, how sure that is, and what it was made with."""
+"""A finished run, loaded from its folder: poses, times, uncertainties, and how it was made."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from tracker.tracking.trajectory import Replay, Step
 
 @dataclass(frozen=True, repr=False)
 class Track:
-    """What was found of one person; what is lost is NaN everywhere."""
+    """Movement of one person; a lost person is NaN everywhere."""
 
     name: str
     body: BodyModel
@@ -43,15 +43,15 @@ class Track:
     """(T,) seconds."""
 
     estimates: tuple[Estimate, ...]
-    """(T,) all that is known of each frame; the poses of lost ones are predictions and not to be used."""
+    """(T,) everything about each frame; poses of lost frames are predictions, not to be used."""
 
     def __repr__(self) -> str:
-        """Of whom, and how long."""
+        """Name, model and number of frames."""
         return f"Track({self.name!r}, model {self.body.name!r}, {len(self.frames)} frames)"
 
     @cached_property
     def lost(self) -> Mask:
-        """(T,) frames in which the person was not found."""
+        """(T,) frames in which the person is lost."""
         mask: Mask = frozen([estimate.lost for estimate in self.estimates], dtype=np.bool_)
         return mask
 
@@ -77,12 +77,12 @@ class Track:
 
     @cached_property
     def ambiguous(self) -> tuple[tuple[str, ...], ...]:
-        """(T,) limbs that may be elsewhere."""
+        """(T,) ambiguous limbs."""
         return tuple(estimate.ambiguous for estimate in self.estimates)
 
     @cached_property
     def doubts(self) -> tuple[tuple[Doubt, ...], ...]:
-        """(T,) why the person is lost or doubtful, or limbs may be elsewhere."""
+        """(T,) why the person is lost or doubtful, or limbs are ambiguous."""
         return tuple(estimate.doubts for estimate in self.estimates)
 
     @property
@@ -103,7 +103,7 @@ class Track:
 
     @cached_property
     def joint_statuses(self) -> tuple[tuple[str, ...], ...]:
-        """(T, J) the frame's status, or `ambiguous` on a limb that may be elsewhere."""
+        """(T, J) the frame's status, or `ambiguous` on an ambiguous limb."""
         person = Person(self.name, self.body, self.body.rest())
         told = (joint_statuses(person, estimate) for estimate in self.estimates)
         return tuple(tuple(statuses[mark] for mark in self.body.reported) for statuses in told)
@@ -112,7 +112,7 @@ class Track:
         """One parameter over time (T,), rad or m.
 
         Raises:
-            ModelError: no such parameter.
+            ModelError: the parameter does not exist.
         """
         return self.poses[:, self.body.index(name)]
 
@@ -120,14 +120,14 @@ class Track:
         """One joint over time (T, 3), metres.
 
         Raises:
-            ConfigError: no such joint.
+            ConfigError: the joint does not exist.
         """
         if name not in self.joint_names:
             raise ConfigError(f'"{self.name}" has no joint "{name}"; {nearest(name, self.joint_names)}')
         return self.joints[:, self.joint_names.index(name)]
 
     def columns(self) -> dict[str, Any]:
-        """Everything beside each other in the units of the tables, for `pandas.DataFrame(track.columns())`.
+        """All values side by side in the units of the tables, for `pandas.DataFrame(track.columns())`.
 
         Returns:
             Column name -> (T,) values: `frame`, `time_s`, `status`, `left_arm_extension_deg`,
@@ -151,7 +151,7 @@ class Track:
 log = logging.getLogger("tracker")
 
 CHANGED = frozenset(("smoothing", "alignment", "alignment_change"))
-"""What run.json tells of poses that were changed after the run, in a result of their own."""
+"""Keys of run.json that mark changed poses in a result of their own."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -161,16 +161,16 @@ class Result:
     name: str
     folder: Path
     rig: Rig
-    """The cameras of the images as they were tracked."""
+    """The cameras, for the images as tracked."""
 
     bodies: Mapping[str, BodyModel]
     """Person -> model as scaled for the run."""
 
     replays: tuple[Replay, ...]
-    """The frames, to the last bit."""
+    """The frames, exact to the last bit."""
 
     details: Mapping[str, Any]
-    """What run.json tells: configuration, versions, hashes of the inputs, summary."""
+    """Content of run.json: configuration, versions, hashes of the inputs, summary."""
 
     @cached_property
     def frames(self) -> Integers:
@@ -184,7 +184,7 @@ class Result:
         return frozen([replay.time_s for replay in self.replays])
 
     def __repr__(self) -> str:
-        """Of what run, how long, and who is in it."""
+        """Name, folder, number of frames and persons."""
         return f"Result({self.name!r}, {str(self.folder)!r}, {len(self.replays)} frames of {', '.join(self.bodies)})"
 
     @property
@@ -199,7 +199,7 @@ class Result:
 
     @cached_property
     def persons(self) -> tuple[Track, ...]:
-        """What was found of each person."""
+        """Tracks of all persons."""
         return tuple(
             Track(name, body, self.frames, self.times_s, tuple(replay.estimates[k] for replay in self.replays))
             for k, (name, body) in enumerate(self.bodies.items())
@@ -211,13 +211,13 @@ class Result:
         return Scene(tuple(Person(name, body, body.rest()) for name, body in self.bodies.items()), self.rig)
 
     def person(self, name: str) -> Track:
-        """What was found of a person.
+        """Track of one person.
 
         Raises:
-            ConfigError: nobody is called so.
+            ConfigError: no person has that name.
         """
         if name not in self.bodies:
-            raise ConfigError(f'{self.folder}: nobody is called "{name}"; {nearest(name, self.bodies)}')
+            raise ConfigError(f'{self.folder}: no person is called "{name}"; {nearest(name, self.bodies)}')
         return self.persons[list(self.bodies).index(name)]
 
     def steps(self) -> Iterator[Step]:
@@ -230,7 +230,7 @@ def replayed(scene: Scene, replays: Iterable[Replay]) -> Iterator[Step]:
 
     Args:
         scene: the persons (their poses do not matter) and the rig.
-        replays: what was estimated.
+        replays: the estimates.
     """
     blank = _no_contours(len(scene.rig))
     for replay in replays:
@@ -256,7 +256,7 @@ def load_result(folder: Path | str) -> Result:
         folder: its result folder, for instance `results/my_run/latest`.
 
     Raises:
-        TrackerError: the folder is not that of a run, or something in it is damaged.
+        TrackerError: the folder is not a run's, or a file in it is damaged.
     """
     path = Path(folder) / "run.json"
     if Path(folder).is_file():
@@ -272,7 +272,7 @@ def load_result(folder: Path | str) -> Result:
     scene = Scene(tuple(Person(name, body, body.rest()) for name, body in bodies.items()), rig)
     journal = open_journal(path.parent, Expected.of(scene))
     if journal.fault:
-        log.warning("%s: %s: what follows is left out", journal.path, journal.fault)
+        log.warning("%s: %s: the rest is left out", journal.path, journal.fault)
     if not journal:
         kept = "is kept yet of this run, see its tables, or go on with `bodytrack run ... --resume`"
         raise ConfigError(f"{folder}: no frame {kept if told.get('complete') is False else 'was tracked in this run'}")
@@ -282,7 +282,7 @@ def load_result(folder: Path | str) -> Result:
 
 
 def remarks(folder: Path, told: Mapping[str, Any]) -> tuple[str, ...]:
-    """What whoever uses a result should know: its run is not finished, or has gone on since this was made of it.
+    """Warnings: the run is not finished, or has gone on since this was made of it.
 
     Args:
         folder: of the result.
@@ -300,10 +300,10 @@ def remarks(folder: Path, told: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _told(path: Path) -> dict[str, Any]:
-    """What run.json tells, and under `names` those of the persons.
+    """Content of run.json, with the persons' names under `names`.
 
     Raises:
-        ConfigError: something that a run writes there is missing or cannot be.
+        ConfigError: an entry is missing or impossible.
     """
     try:
         told: dict[str, Any] = dict(json_of(path, ConfigError))

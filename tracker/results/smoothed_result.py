@@ -1,4 +1,4 @@
-"""A result without jitter: the smoothed poses of a finished run as a result folder beside the raw one."""
+"""A smoothed result: the poses of a finished run without jitter, in a folder beside the raw ones."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from tracker.tracking.doubt import Doubt
 from tracker.tracking.estimate import Estimate, Status
 
 FOLDER = "smoothed"
-"""In a result folder."""
+"""Folder in a result."""
 
 _INSTANT_S = 1e-4
-"""Over which places are differenced in time; poses between frames are those of their velocity and acceleration."""
+"""Step of differences in time, seconds; poses between frames follow velocity and acceleration."""
 
 log = logging.getLogger("tracker")
 
@@ -41,7 +41,7 @@ class SmoothTrack:
 
     name: str
     estimates: tuple[Estimate, ...]
-    """(T,) the raw ones with smooth poses; those of short gaps are `filled`, those of no stretch as they were."""
+    """(T,) the raw ones with smooth poses: short gaps are `filled`, frames outside the stretches unchanged."""
 
     velocities: Array
     """(T, dof) rad/s and m/s."""
@@ -51,11 +51,11 @@ class SmoothTrack:
 
 
 def smooth_track(track: Track, smoothing: Smoothing, interval_s: float) -> SmoothTrack:
-    """Smooths what was found of one person; joints that turn about three axes as rotations, see `results.smoothing`.
+    """Smooths one person's track; joints that turn about three axes are smoothed as rotations, see `results.smoothing`.
 
     Args:
         track: the person's raw poses.
-        smoothing: how.
+        smoothing: the method.
         interval_s: usual time from one frame to the next.
     """
     pieces = stretches_of(track.times_s, ~track.lost, interval_s, smoothing.max_gap_s)
@@ -84,7 +84,7 @@ def _stretch(track: Track, piece: slice) -> Stretch:
 
 
 def _smooth_estimates(track: Track, piece: slice, stretch: Stretch, smooth: Smoothed) -> list[Estimate]:
-    """The raw estimates with smooth poses: inside the joint limits, angles on the turn that the raw ones are on."""
+    """The raw estimates with smooth poses: inside the joint limits, angles on the turn of the raw ones."""
     turns = np.round((stretch.poses - track.poses[piece]) / (2 * np.pi))
     last = np.maximum.accumulate(np.where(stretch.known, np.arange(len(turns)), 0))
     poses = smooth.poses - np.where(track.body.rotates, 2 * np.pi * turns[last], 0.0)
@@ -104,16 +104,16 @@ def _losing(estimate: Estimate) -> tuple[Doubt, ...]:
 
 @dataclass(frozen=True)
 class Pictures:
-    """What a smooth result has to look at."""
+    """Pictures of a smoothed result."""
 
     recordings: tuple[Recording, ...]
     """Usually a report and an overlay."""
 
     frames: Callable[[], Iterator[Frame]]
-    """Opens the recording that the result was made from; raises TrackerError where it is not there any more."""
+    """Opens the recording of the result; raises TrackerError if it is gone."""
 
     progress: Progress = silent
-    """Told how far it is."""
+    """Gets the frames written."""
 
 
 def write_smoothed(
@@ -123,20 +123,20 @@ def write_smoothed(
     overwrite: bool = False,
     pictures: Pictures | None = None,
 ) -> Path:
-    """Writes a result folder of smooth poses, which loads, exports and is evaluated as the raw one.
+    """Writes a result folder of smooth poses; it loads, exports and is evaluated like the raw one.
 
     Args:
         result: the raw poses.
-        smoothing: how.
-        folder: where to, as a whole or not at all; None for the folder `smoothed` in the result's.
-        overwrite: replace a smoothed result that is there already, with all that was made of it.
-        pictures: what is written to look at; None for nothing.
+        smoothing: the method.
+        folder: written as a whole or not at all; None for the folder `smoothed` in the result.
+        overwrite: replace an earlier smoothed result, with all that was made of it.
+        pictures: reports and videos to write; None for none.
 
     Returns:
         The folder.
 
     Raises:
-        ConfigError: the smoothing does not fit the frame rate, or the folder holds something.
+        ConfigError: the smoothing does not fit the frame rate, or the folder is not empty.
     """
     smoothing.check(result.interval_s)
     target = folder or result.folder / FOLDER
@@ -157,7 +157,7 @@ def write_smoothed(
 
 
 def _draw(result: Result, pictures: Pictures, folder: Path) -> None:
-    """Writes what is to be looked at; without the recording a report alone, which has numbers and contours."""
+    """Writes the pictures; without the recording only a report, with numbers and contours."""
     recordings, frames = pictures.recordings, iter(tuple[Frame, ...]())
     try:
         frames = pictures.frames()
@@ -216,7 +216,7 @@ def joint_motion(track: Track, smooth: SmoothTrack) -> tuple[Array, Array]:
 
     Args:
         track: the smooth poses.
-        smooth: how they change.
+        smooth: its velocities and accelerations.
     """
     poses = np.array([estimate.q for estimate in smooth.estimates])
     curved = 0.5 * _INSTANT_S**2 * smooth.accelerations

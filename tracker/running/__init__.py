@@ -1,4 +1,4 @@
-"""Running: commands and jobs, what a configuration asks for, many recordings at a time, a run that is looked at.
+"""Running: commands and jobs, drafts of configurations, many recordings at a time, the viewer.
 
-Here alone is printed and exited (`cli`, `commands`). It imports every room; nobody imports it.
+Only `cli` and `commands` print and exit. It imports every room; no room imports it.
 """

@@ -1,4 +1,4 @@
-"""A result whose views are compared with each other, and its poses at one moment, in a result folder beside it."""
+"""Compares a result's views with each other, and writes its poses at one moment into a result folder beside it."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from tracker.running.viewing.images import IN_STEP, images_of, reading_of
 from tracker.tracking.estimate import Estimate
 
 _DECIMALS = 6
-"""Of what is told in files: microseconds and millionths of a degree or px."""
+"""Decimals of figures in files: microseconds and millionths of a degree or px."""
 
 
 def alignment_of(result: Result, progress: Progress = silent) -> ViewAlignment:
-    """How late the views of a finished run are, and how they are turned, by its fastest frames without doubt.
+    """Delays and turns of the views of a finished run, by its fastest frames without doubt.
 
     Args:
         result: of any body and evidence.
-        progress: told how far it is.
+        progress: gets the frames read.
 
     Raises:
         ConfigError: the run has too few such frames, or one view.
-        TrackerError: the recording is not there any more.
+        TrackerError: the recording is gone.
     """
     frames = tracked_in(result)
     progress("reading the fastest frames")
@@ -42,7 +42,7 @@ def alignment_of(result: Result, progress: Progress = silent) -> ViewAlignment:
     if found is None:
         views = f"{len(result.rig)} view{'s' if len(result.rig) > 1 else ''}"
         raise ConfigError(
-            f"{result.folder}: {len(moments)} frames in which somebody moves and nothing is in doubt, in {views}: "
+            f"{result.folder}: {len(moments)} frames with movement and without doubt, in {views}: "
             "too few to compare views by; expected movement in two views or more"
         )
     return found
@@ -60,21 +60,21 @@ def write_in_step(
     progress: Progress = silent,
     overwrite: bool = False,
 ) -> Path:
-    """Writes a result folder of the poses at the first view's moment, which loads and is evaluated as any.
+    """Writes a result folder of the poses at the first view's moment; it loads and is evaluated as any other.
 
     Args:
         result: the poses as tracked.
-        found: how late the views are.
-        folder: where to, as a whole or not at all; None for the folder `in_step` in the result's.
-        progress: told how far it is.
-        overwrite: replace such a result that is there already, with all that was made of it.
+        found: delays of the views.
+        folder: written as a whole or not at all; None for the folder `in_step` in the result.
+        progress: gets the frames read.
+        overwrite: replace such an earlier result, with all that was made of it.
 
     Returns:
         The folder.
 
     Raises:
-        ConfigError: the folder holds something.
-        TrackerError: the recording is not there any more.
+        ConfigError: the folder is not empty.
+        TrackerError: the recording is gone.
     """
     target = folder_in_step(result, folder, overwrite)
     with whole_folder(target, overwrite) as unfinished:
@@ -90,15 +90,15 @@ def write_in_step(
 
 
 def folder_in_step(result: Result, folder: Path | None = None, overwrite: bool = False) -> Path:
-    """Where `write_in_step` writes to, to be asked before the views are compared, which takes long.
+    """Folder of `write_in_step`; asked before the slow comparison of the views.
 
     Args:
         result: the poses as tracked.
-        folder: where to; None for the folder `in_step` in the result's.
+        folder: of the new result; None for the folder `in_step` in the result.
         overwrite: whether it may hold such a result.
 
     Raises:
-        ConfigError: the folder holds something.
+        ConfigError: the folder is not empty.
     """
     target = folder or result.folder / IN_STEP
     check_place(target, "alignment", overwrite)
@@ -106,20 +106,20 @@ def folder_in_step(result: Result, folder: Path | None = None, overwrite: bool =
 
 
 def write_turned_rig(result: Result, found: ViewAlignment, path: Path, overwrite: bool = False) -> Path:
-    """Writes the rig of the recording with its cameras turned as the persons show them, for another run.
+    """Writes the rig of the recording, with its cameras turned as the persons show, for another run.
 
     Args:
         result: the run.
-        found: how they are turned.
+        found: turns of the cameras.
         path: a TOML file.
-        overwrite: replace one that is there already.
+        overwrite: replace an existing file.
 
     Returns:
         The file.
 
     Raises:
-        ConfigError: the file is there already, or its folder is not.
-        TrackerError: the calibration that the run was made with is not there any more.
+        ConfigError: the file exists, or its folder does not.
+        TrackerError: the run's calibration is gone.
     """
     check_new_file(path, overwrite)
     reading = reading_of(result)
@@ -128,10 +128,10 @@ def write_turned_rig(result: Result, found: ViewAlignment, path: Path, overwrite
 
 
 def check_new_file(path: Path, overwrite: bool = False) -> None:
-    """Refuses a place where a rig would replace something unasked.
+    """Refuses a path where a rig would replace a file unasked.
 
     Raises:
-        ConfigError: the file is there already, or its folder is not.
+        ConfigError: the file exists, or its folder does not.
     """
     if (path.exists() and not overwrite) or not path.absolute().parent.is_dir():
         raise ConfigError(f"--rig {path}: expected a file that is not there yet, in a folder that is")
@@ -145,7 +145,7 @@ def _counted(result: Result, found: ViewAlignment, progress: Progress) -> Iterat
 
 
 def described(found: ViewAlignment) -> dict[str, dict[str, float]]:
-    """View -> what is told of it, in ms, degrees and px; `late_before_ms` and `late_after_ms` where delays change."""
+    """View -> its delay and turn, in ms, degrees and px; `late_before_ms` and `late_after_ms` if the delay changes."""
     told = {
         "late_ms": 1000 * found.delays_s,
         "late_sigma_ms": 1000 * found.delay_sigmas_s,

@@ -45,7 +45,7 @@ from tracker.running.commands.surface import measure, strain
 from tracker.running.commands.view import view
 
 _ANEW = "--overwrite"
-"""What the earlier spelling of a report's command did unasked."""
+"""Options that the earlier spelling of a report's command implied."""
 
 EARLIER: dict[str, tuple[str, ...]] = {
     "batch": ("run", "--batch"),
@@ -61,7 +61,7 @@ EARLIER: dict[str, tuple[str, ...]] = {
 
 
 class Commands(TyperGroup):
-    """The commands, and those that were called otherwise."""
+    """The commands, with their earlier names."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Finds the command that the words name."""
@@ -79,10 +79,10 @@ def _tell(before: str, now: str) -> None:
 
 _JOBS = Path(__file__).parent / "jobs"
 _WITH_A_COMMAND = {"track": "run", "calibrate": "calibrate", "acquire": "acquire", "surface": "surface", "demo": "demo"}
-"""Jobs whose command has options or a report of its own, and what it is called."""
+"""Jobs whose command has options or a report of its own -> the name of that command."""
 
 _PART_OF_ANOTHER = {"acquire_from_pictures", "acquire_from_points", "acquire_from_robot", "acquire_from_scan"}
-"""Jobs that another one's command chooses."""
+"""Jobs that the command of another job chooses."""
 
 
 def add_jobs(app: typer.Typer) -> None:
@@ -139,7 +139,7 @@ _DEBUG, _NO_PLUGINS = "--debug", "--no-plugins"
 
 
 def main() -> None:
-    """Entry point: every error is one line; exit code 2 for what a user can cause, 1 for what is our fault."""
+    """Entry point. Every error is one line; the exit code is 2 for what a user can cause, 1 for a fault of ours."""
     options, sys.argv[1:] = _split(sys.argv[1:])
     print_any_sign()
     if _DEBUG not in options:
@@ -166,7 +166,7 @@ def main() -> None:
 
 
 def _leave_threads(code: int) -> None:
-    """Ends the process if threads are at work still: Python would wait for them, and nobody for what they make."""
+    """Ends the process if threads are still at work: Python would wait for them, and nobody needs their results."""
     if threading.active_count() > 1:
         sys.stdout.flush()
         sys.stderr.flush()
@@ -174,18 +174,18 @@ def _leave_threads(code: int) -> None:
 
 
 def _split(arguments: list[str]) -> tuple[set[str], list[str]]:
-    """Options that may stand anywhere, and the other arguments."""
+    """Splits off the options that may stand anywhere."""
     found = {_DEBUG, _NO_PLUGINS} & set(arguments)
     return found, [argument for argument in arguments if argument not in found]
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    """SIGTERM is taken for Ctrl-C: what was begun is put away."""
+    """SIGTERM does the same as Ctrl-C: the job puts away what it began."""
     raise KeyboardInterrupt
 
 
 def _told_usage(error: Exception) -> str | None:
-    """What is told of a command line that cannot be: nothing where the help was shown; None for other errors."""
+    """Message of a wrong command line: empty if the help was shown; None for other errors."""
     told, context = getattr(error, "format_message", None), getattr(error, "ctx", None)
     if told is None:
         return None
@@ -194,7 +194,7 @@ def _told_usage(error: Exception) -> str | None:
 
 
 def _told(error: Exception) -> tuple[str, int]:
-    """What is told of an error, and the exit code."""
+    """Message of an error, and the exit code."""
     if isinstance(error, TrackerError):
         return str(error), 2
     if isinstance(error, OSError) and error.errno is not None:
@@ -209,7 +209,7 @@ def _told(error: Exception) -> tuple[str, int]:
 
 
 def _tell_plugin(use: str) -> None:
-    """Tells of it, and has Python find it in the folder begun from, which a script's own path does not hold."""
+    """Warns of code from outside bodytrack, and lets Python find it in the current folder."""
     if (here := os.getcwd()) not in sys.path:  # noqa: PTH109 - as Python writes it there
         sys.path.append(here)
     console.print(f"runs code from outside bodytrack: {use}", style="yellow", highlight=False)

@@ -1,4 +1,4 @@
-"""Keypoints that a detector finds in a recording, written as OpenPose writes them: what is there is not found again."""
+"""Keypoints that a detector finds in a recording, written as OpenPose writes them; existing files stay."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from tracker.images.reading import Sequence as Recording
 from tracker.running.jobs import fingerprints, read_own
 
 _HEIGHT_PX = 288
-"""Of a view in a picture of all."""
+"""Height of a view in a picture of all views."""
 
 # BGR: a limb whose sides a detector has exchanged is seen by its colour.
 _LEFT, _RIGHT, _MIDDLE = (220, 120, 60), (40, 140, 255), (220, 220, 220)
@@ -47,11 +47,11 @@ _BONES = (
 
 
 def drawn(frame: Frame, persons: list[list[Array]], names: tuple[str, ...]) -> Image:
-    """All views of a frame side by side, left limbs blue, right ones orange; paler where less is sure.
+    """All views of a frame side by side, left limbs blue, right ones orange; less sure keypoints are paler.
 
     Args:
         frame: the images; a missing one is black.
-        persons: for each view (K, 3) pixel and confidence of everybody.
+        persons: for each view (K, 3) pixel and confidence of each person.
         names: of the K keypoints.
     """
     cells = [_view(image, own, names) for image, own in zip(frame.images, persons, strict=True)]
@@ -92,7 +92,7 @@ def _whole(place: Array) -> tuple[int, int]:
 
 
 def pages(pictures: list[Image]) -> Image:
-    """Pictures one below the other; a view that is missing somewhere leaves its place black."""
+    """Pictures one below the other; a view that one of them lacks stays black there."""
     width = max(picture.shape[1] for picture in pictures)
     rows = [np.pad(one, ((0, 0), (0, width - one.shape[1]), (0, 0))) for one in pictures]
     whole: Image = np.vstack(rows)
@@ -100,32 +100,32 @@ def pages(pictures: list[Image]) -> Image:
 
 
 _NOTE = "detected.json"
-"""Beside the folders of the views: what has found the keypoints, and in which recording."""
+"""File beside the views' folders: names the detector and the recording."""
 
 _N_SHOWN = 6
-"""Frames in the picture of what was found, spread over the recording."""
+"""Number of frames in the picture of the keypoints, spread over the recording."""
 
 _NO_IMAGES = ("rig", "background", "masks", "occluders")
-"""Settings of a reading that name other files than those in which keypoints are found."""
+"""Settings of a reading that name files of no importance for keypoints."""
 
 
 @dataclass(frozen=True)
 class Detected:
-    """What detecting has left."""
+    """Outcome of a detection."""
 
     pattern: str
-    """Of the folders, with `{view}`."""
+    """Pattern of the folders, with `{view}`."""
 
     n_images: int
     n_new: int
-    """Images that were looked at this time."""
+    """Images searched this time."""
 
     somebody: dict[str, float]
-    """For each view the share of its images in which somebody was found."""
+    """For each view the share of its images with a person."""
 
     seconds: float
     files: tuple[Path, ...]
-    """Pictures of what was found."""
+    """Pictures with keypoints."""
 
 
 def detect(
@@ -139,15 +139,15 @@ def detect(
     """Finds keypoints in all images of a recording that have none yet, and writes a file an image.
 
     Args:
-        reading: the recording; its images are looked at as they were recorded.
-        detection: what finds them.
-        pattern: of the folders to write to, with `{view}`.
-        film: write a film of all images with their keypoints, too.
+        reading: the recording; its images are searched as recorded.
+        detection: the detector.
+        pattern: of the folders to write, with `{view}`.
+        film: also write a film of all images with their keypoints.
         overwrite: find all anew.
-        progress: told how far it is.
+        progress: gets the images searched.
 
     Raises:
-        ConfigError: files of another detector or recording are there, or the detector is not installed.
+        ConfigError: there are files of another detector or recording, or the detector is not installed.
         SequenceError: the recording cannot be read.
     """
     begin = time.perf_counter()
@@ -177,7 +177,7 @@ def detect(
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is to be detected, as a configuration and a command line say it."""
+    """A detection as a configuration and a command line describe it."""
 
     reading: Reading
     detection: Detection
@@ -187,20 +187,20 @@ class Wanted:
 
 
 def wanted(config: Path, use: str, output: str | None = None, overrides: Sequence[str] = ()) -> Wanted:
-    """What is to be detected in the recording of a run.
+    """The detection for the recording of a run.
 
     Args:
-        config: of the run; nothing but its recording and `keypoints` is looked at.
+        config: of the run; only its recording and `keypoints` count.
         use: the detector.
-        output: folders to write, with `{view}`; None for what the configuration says, else `USUAL` beside it.
-        overrides: `section.key=value`, those of the section `detection` for the detector.
+        output: folders to write, with `{view}`; None for those in the configuration, else `USUAL` beside it. overrides:
+            `section.key=value`; those of the section `detection` are for the detector.
 
     Raises:
         ConfigError: names section and key.
     """
     table, folder = read_own("track", config, overrides), config.resolve().parent
     if not isinstance(table.get("reading"), dict):
-        raise ConfigError(f"{config}: no section [reading], which says where the recording is")
+        raise ConfigError(f"{config}: no section [reading], which names the recording")
     reading = build("reading", table["reading"], f"{config.name} [reading]", folder)
     detector = build("detection", {"use": use, **table.get("detection", {})}, "--set detection", folder)
     files = table.get("keypoints")
@@ -212,14 +212,14 @@ def wanted(config: Path, use: str, output: str | None = None, overrides: Sequenc
 
 @dataclass(frozen=True)
 class _View:
-    """Where the keypoints of a view are."""
+    """Folder of the keypoints of a view."""
 
     name: str
     folder: Path
 
     @staticmethod
     def of(sequence: Recording, pattern: str) -> list[_View]:
-        """Those of a recording.
+        """Folders of the keypoints of a recording.
 
         Raises:
             ConfigError: the pattern does not give each view a folder.
@@ -229,11 +229,11 @@ class _View:
         return [_View(name, Path(pattern.replace("{view}", name))) for name in sequence.rig.names]
 
     def path(self, frame: Frame, v: int) -> Path:
-        """The file of a frame's image, numbered as the image is."""
+        """The file of a frame's image, with the image's number."""
         return self.folder / f"{self.name}_{frame.first_number + frame.position(v):06d}.json"
 
     def found(self, frame: Frame, v: int, find: Finder) -> tuple[bool, int]:
-        """Whether the image was looked at now, and how many persons it shows; -1 for no image."""
+        """Whether the image was searched now, and its number of persons; -1 without an image."""
         if frame.position(v) < 0 or v in frame.missing:
             return False, -1
         path = self.path(frame, v)
@@ -246,20 +246,20 @@ class _View:
         return True, len(persons)
 
     def persons(self, frame: Frame, v: int) -> list[Array]:
-        """(K, 3) of everybody found in an image."""
+        """(K, 3) of each person in an image."""
         path = self.path(frame, v)
         return persons_in(path) if frame.position(v) >= 0 and path.exists() else []
 
 
 class _Counted:
-    """How many images were looked at, and how many show somebody."""
+    """Counts the images searched, and those with a person."""
 
     def __init__(self, views: list[_View]) -> None:
         self.n_images = self.n_new = 0
         self._seen = {view.name: [0, 0] for view in views}
 
     def add(self, found: list[tuple[bool, int]]) -> None:
-        """Counts those of a frame."""
+        """Counts the images of a frame."""
         for seen, (new, n_persons) in zip(self._seen.values(), found, strict=True):
             seen[0] += n_persons >= 0
             seen[1] += n_persons > 0
@@ -267,12 +267,12 @@ class _Counted:
             self.n_new += new
 
     def shares(self) -> dict[str, float]:
-        """For each view the share of images with somebody."""
+        """For each view the share of images with a person."""
         return {name: there / max(n, 1) for name, (n, there) in self._seen.items()}
 
 
 def _as_recorded(reading: Reading) -> Reading:
-    """The reading of images as they were recorded: keypoints are in their pixels."""
+    """The reading of images as recorded: keypoints are in their pixels."""
     plain = {"downscale": 1, "gain": 1.0, "smoothing_px": 0.0, "masks": None, "background": "none", "occluders": None}
     plain |= {"align_background": False}
     settings: Any = reading
@@ -292,7 +292,7 @@ def _note(reading: Reading, detection: Detection, sequence: Recording) -> dict[s
 
 
 def _begin(views: list[_View], pattern: str, note: dict[str, Any], overwrite: bool) -> None:
-    """Makes the folders, or checks that what is in them was found by the same detector in the same images."""
+    """Makes the folders, or checks that the same detector wrote their files for the same images."""
     path = Path(pattern).parent / _NOTE
     there = [view for view in views if view.folder.is_dir() and any(view.folder.iterdir())]
     earlier = json_of(path, SequenceError) if path.exists() else None
@@ -325,22 +325,22 @@ def _check_same(earlier: dict[str, Any], note: dict[str, Any], path: Path) -> No
 
 
 def _text(persons: Array) -> str:
-    """A file of OpenPose's form; what was not found is 0, 0, 0."""
+    """A file in OpenPose's form; a keypoint that was not found is 0, 0, 0."""
     rounded = np.round(np.where(np.isfinite(persons).all(axis=-1, keepdims=True), persons, 0.0), 3)
     people = [{"person_id": [-1], "pose_keypoints_2d": person.ravel().tolist()} for person in rounded]
     return json.dumps({"version": 1.3, "people": people}) + "\n"
 
 
 def _shown(n_frames: int) -> set[int]:
-    """Numbers of the frames that are shown."""
+    """Numbers of the frames in the picture."""
     return set(np.linspace(0, max(n_frames - 1, 0), min(_N_SHOWN, n_frames)).round().astype(int).tolist())
 
 
 def told(found: Detected) -> Iterator[str]:
-    """What was found, in a line for each view."""
+    """The outcome, in a line for each view."""
     yield (
-        f"{found.n_images} images, {found.n_new} of them looked at in {found.seconds:.0f} s"
+        f"{found.n_images} images, {found.n_new} of them searched in {found.seconds:.0f} s"
         + (", the others were done before" if found.n_new < found.n_images else "")
     )
     for view, share in found.somebody.items():
-        yield f"{view}: somebody found in {share:.0%} of the images"
+        yield f"{view}: a person found in {share:.0%} of the images"

@@ -1,4 +1,4 @@
-"""The floor of a rig, as a result, keypoints, or pictures of what lies on it tell it."""
+"""The floor of a rig, from a result, keypoints, or pictures of boards and markers on it."""
 
 from __future__ import annotations
 
@@ -23,27 +23,28 @@ from tracker.running.jobs.track import TrackJob
 from tracker.running.viewing.images import without_plates
 
 _FIT_ROUNDS = 6
-"""Fits that follow one another: the first turns a world that lies up to 60 degrees obliquely, the others leave out what
-lies beside the plane and converge."""
+"""Fits in turn. The first one turns a world that is tilted by up to 60 degrees; the others leave out points beside the
+plane, and converge."""
 
 _GROSS = 3.5
-"""Times the usual scatter from which on a point is none of the floor."""
+"""Distance from the plane, over the usual scatter, from which on a point is not of the floor."""
 
 _MOST_SCATTER_M = 0.03
-"""RMS distance from a plane beyond which points are none of one floor. Resting feet of eight recordings scattered by
-0 to 17 mm, those of somebody who lies on the floor by 35."""
+"""RMS distance from a plane beyond which points are not on one floor. Resting feet of eight recordings scattered by 0
+to 17 mm, those of a person who lies on the floor by 35."""
 
 _SURE = 3.0
-"""Standard deviations from which on a tilt is taken."""
+"""Standard deviations from which on a tilt is corrected."""
 
 _TILT_DEG = 1.0
-"""Standard deviation of a tilt that can be used: 17 mm per metre. Points on a line say nothing of the tilt across."""
+"""Largest standard deviation of a tilt that is used: 17 mm per metre. Points on a line do not show the tilt across
+it."""
 
 _FEWEST = 6
-"""Points that can disagree about a plane: feet of somebody who lies, four times at rest, told a tilt of 7 degrees."""
+"""Least number of points for a plane. Feet of a lying person, four times at rest, showed a tilt of 7 degrees."""
 
 _HOW = ("as before: they do not tell the tilt", "as they lie, along one direction alone", "as they lie")
-"""Where the direction that is up comes from, by the number of directions along which points tell the tilt."""
+"""Source of the upward direction, by the number of directions along which points show the tilt."""
 
 
 @dataclass(frozen=True)
@@ -51,30 +52,31 @@ class Floor:
     """A floor in the world of a rig."""
 
     up: Array
-    """(3,) unit vector that is up."""
+    """(3,) upward unit vector."""
 
     height_m: float
-    """Where the floor is along it."""
+    """Height of the floor along it."""
 
     scatter_m: float
-    """RMS distance from it of the points that tell it; 0 of one point."""
+    """RMS distance of its points from it; 0 of one point."""
 
     n_points: int
     beside_m: tuple[float, ...]
-    """Heights over it of points that lie elsewhere."""
+    """Heights above it of points that lie elsewhere."""
 
     n_directions: int
-    """Along which points tell the tilt, 0 to 2; without it, `up` is taken from the cameras or the world."""
+    """Number of directions along which the points show the tilt, 0 to 2; without them `up` is from the cameras or the
+    world."""
 
     source: str
-    """What the points are, in words."""
+    """Name of the points."""
 
     def laid(self, rig: Rig) -> Rig:
         """The rig in a world in which z is up and the floor is z = 0."""
         return rig.standing(self.up, self.height_m)
 
     def told(self) -> Iterator[str]:
-        """What was found, in one line each."""
+        """The findings, in one line each."""
         off_deg = float(np.degrees(np.arccos(np.clip(self.up[2], -1, 1))))
         axis = ", ".join(f"{value + 0.0:.4f}" for value in np.round(self.up, 4))
         yield f"floor: told by {self.n_points} {self.source}, {1000 * self.scatter_m:.0f} mm off it (RMS)"
@@ -86,20 +88,20 @@ class Floor:
 
 
 _MOST_TOLD = 6
-"""Of what is told one by one."""
+"""Largest number of points listed one by one."""
 
 
 def fitted_floor(points: Array, rig: Rig, source: str, sigma_m: float) -> Floor:
-    """The floor on which points lie; those that lie beside the plane of most are left out.
+    """The floor on which points lie, without those that lie beside the plane of most.
 
     Args:
         points: (N, 3) of the rig's world, metres.
-        rig: the cameras, which are above the floor, and which tell roughly what is up.
-        source: what the points are, in words.
+        rig: the cameras. They are above the floor, and show roughly the upward direction.
+        source: name of the points.
         sigma_m: their usual standard deviation, metres.
 
     Raises:
-        CalibrationError: no points, none of one plane, or most cameras come out below it.
+        CalibrationError: there are no points, they are not on one plane, or most cameras come out below it.
     """
     if not len(points):
         raise CalibrationError(f"floor: no {source}, expected at least one")
@@ -124,21 +126,20 @@ def fitted_floor(points: Array, rig: Rig, source: str, sigma_m: float) -> Floor:
 
 
 def usual_up(rig: Rig) -> Array:
-    """(3,) z where the cameras do not contradict it, else what they hold up."""
+    """(3,) z if the cameras do not contradict it, else the upward direction of the cameras."""
     z = np.array([0.0, 0.0, 1.0])
     held = rig.probable_up
     return z if held @ z > np.cos(np.radians(_NEAR_DEG)) else held
 
 
 _NEAR_DEG = 15.0
-"""Between z and what the cameras hold up, below which z is meant to be up; see `tracker.cameras.rig`."""
+"""Least cosine between z and the cameras' upward direction for which z is up; see `tracker.cameras.rig`."""
 
 
 def _tilt(points: Array, up: Array, sigma_m: float) -> tuple[Array, int]:
-    """A vector upwards from the plane through points, and along how many directions they tell it.
+    """An upward vector normal to the plane through points, and the number of directions along which they show it.
 
-    Heights are fitted by a slope along each of the two main directions of their spread; a slope that is not beyond its
-    uncertainty stays 0.
+    The fit has a slope along each of the two main directions of the points; a slope within its uncertainty stays 0.
     """
     if len(points) < _FEWEST:
         return up, 0
@@ -159,28 +160,29 @@ def _tilt(points: Array, up: Array, sigma_m: float) -> tuple[Array, int]:
 
 
 _FOOT_M = 0.01
-"""Standard deviation of a tracked sole where it rests: of ten results it lay 15 mm below to 6 mm above the floor."""
+"""Standard deviation of a tracked sole where it rests: in ten results it lay 15 mm below to 6 mm above the floor."""
 
 _KEYPOINT_M = 0.02
-"""The same of detected keypoints, which lie on the foot and not below it."""
+"""The same of detected keypoints. These lie on the foot, not below it."""
 
 _ROUGH = (
     "detected ankles lie above those of a body that stands, and heels may be raised: of six recordings this floor was "
     "2 to 10 cm too high; track with it, then let the result tell the floor to 1 or 2 cm"
 )
-"""By BlazePose, of five rendered persons and a real one."""
+"""Height of an ankle above the sole by BlazePose, of five rendered persons and a real one."""
 
 _MARK_M = 0.001
-"""Of the corners of what lies on the floor, the thickness of a board included."""
+"""Standard deviation of corners on the floor, including the thickness of a board."""
 
 _MOST_FRAMES = 600
-"""Of a recording whose keypoints are looked at."""
+"""Frames of a recording that are searched for keypoints."""
 
 _MOST_OFF_PX = 15.0
-"""Of a keypoint's images from that of its place, px of an image 1000 px wide: beyond, views have other persons."""
+"""Largest distance of a keypoint's images from its projected place, px of an image 1000 px wide; beyond, the views show
+different persons."""
 
 _ROUNDS = 3
-"""Feet are looked for again as soon as it is known better which way is down."""
+"""The search for resting feet repeats with the better direction of down."""
 
 
 @dataclass(frozen=True)
@@ -189,31 +191,31 @@ class FoundFloor:
 
     floor: Floor
     sides: tuple[tuple[str, float], ...] = ()
-    """Names of what lies on the floor, and the sides of its squares, metres."""
+    """Names of the boards and markers on the floor, and the sides of their squares, metres."""
 
     remark: str = ""
-    """What to know of it besides."""
+    """Warnings about it."""
 
     def told(self) -> Iterator[str]:
-        """What was found, in one line each."""
+        """The findings, in one line each."""
         yield from self.floor.told()
         for name, side_m in self.sides:
-            yield f"scale: the {name} measures {1000 * side_m:.1f} mm a side with this rig; compare it with a ruler"
+            yield f"scale: a side of the {name} measures {1000 * side_m:.1f} mm with this rig; compare it with a ruler"
         if self.remark:
             yield self.remark
 
 
 def found_floor(rig: Rig, seen: str, pictures: Callable[[str], tuple[Image | None, ...]]) -> FoundFloor:
-    """The floor and the axis that is up, as what the cameras have seen tells them.
+    """Finds the floor and the upward axis by what the cameras have seen.
 
     Args:
         rig: the cameras, in any world.
         seen: a result folder, whose persons' feet rest on the floor; a run's configuration with keypoints; or pictures
             of a board or markers on the floor, for instance `floor/{view}.png`.
-        pictures: reads those of the views.
+        pictures: reads the views' pictures.
 
     Raises:
-        TrackerError: it cannot be read, or tells no floor.
+        TrackerError: it cannot be read, or shows no floor.
     """
     path = Path(seen)
     if path.suffix == ".toml" and path.is_file():
@@ -230,7 +232,7 @@ def _of_result(rig: Rig, result: Result) -> Floor:
     _check_world(rig, result)
     with_feet = [track for track in result.persons if len(sole_parts(track.body))]
     if not with_feet:
-        raise CalibrationError(f"{result.folder}: floor: nobody there has feet, expected a model that has some")
+        raise CalibrationError(f"{result.folder}: floor: no person there has feet, expected a model with feet")
 
     def resting(up: Array) -> Array:
         return np.concatenate([_footfalls_of(track, up) for track in with_feet])
@@ -239,7 +241,7 @@ def _of_result(rig: Rig, result: Result) -> Floor:
 
 
 def _stood_on(rig: Rig, resting: Callable[[Array], Array], source: str, sigma_m: float) -> Floor:
-    """The floor on which feet rest, which are found anew as soon as it is known better which way is down."""
+    """The floor on which feet rest; the search for them repeats with the better direction of down."""
     floor = fitted_floor(resting(usual_up(rig)), rig, source, sigma_m)
     for _ in range(_ROUNDS - 1):
         floor = fitted_floor(resting(floor.up), rig, source, sigma_m)
@@ -257,7 +259,7 @@ def _footfalls_of(track: Track, up: Array) -> Array:
 
 
 def _check_world(rig: Rig, result: Result) -> None:
-    """Refuses a result that was tracked in another world than that of the rig.
+    """Refuses a result that was tracked in another world than the rig's.
 
     Raises:
         CalibrationError: names a camera that stands elsewhere there.
@@ -292,7 +294,7 @@ def _of_keypoints(rig: Rig, config: Path) -> Floor:
 
 
 def _placed(files: KeypointFiles, frames: list[Frame], rig: Rig, body: BodyModel) -> tuple[Array, Array]:
-    """(T, F, 3) places of the keypoints of feet, NaN where unknown, and (F,) their heights over the sole, metres."""
+    """(T, F, 3) positions of the keypoints of feet, NaN if unknown, and (F,) their heights above the sole, metres."""
     views = files.checked(rig)
     heights = heights_over_sole(views.names, body)
     feet = np.flatnonzero(np.isfinite(heights))
@@ -313,7 +315,7 @@ def _placed(files: KeypointFiles, frames: list[Frame], rig: Rig, body: BodyModel
 
 
 def _surest(found: Array) -> Array:
-    """(K, 3) keypoints of that of N persons (N, K, 3) that a view is surest of; NaN where it shows nobody."""
+    """(K, 3) keypoints of the surest of N persons (N, K, 3) in a view; NaN if it shows none."""
     if not len(found):
         return np.full(found.shape[1:], np.nan)
     best: Array = found[int(np.argmax(np.nan_to_num(found[..., 2]).sum(axis=1)))]

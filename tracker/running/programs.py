@@ -1,4 +1,4 @@
-"""What programs ask for: the work of the commands `simulate` and `result`, with results as arguments and values."""
+"""The Python interface: does the work of the commands `simulate` and `result`, and returns values."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ from tracker.tracking.doubts import Doubts
 from tracker.tracking.trajectory import Step
 
 _FIT_S = 5.0
-"""Of twelve frames in four views: `human`, one core."""
+"""Time of twelve frames in four views: `human`, one core."""
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """What the first frames tell of all."""
+    """Estimate of a run from its first frames."""
 
     n_frames: int
     """Frames of the whole run."""
@@ -55,13 +55,13 @@ class Forecast:
     """Time to the end of the first frame: plates, start poses."""
 
     frame_s: float
-    """Time of each further frame, what is written included."""
+    """Time of each further frame, including writing."""
 
     doubts: Doubts
-    """Of the frames that were tracked."""
+    """Frames that were tracked."""
 
     n_fitted: int = 0
-    """Persons whose bodies are fitted before: the first frames are tracked there and back for that."""
+    """Persons whose bodies are fitted before, in the first frames, which are tracked there and back."""
 
     @property
     def seconds(self) -> float:
@@ -71,17 +71,17 @@ class Forecast:
 
 
 def forecast(job: TrackJob, n_frames: int = 12, progress: Progress = silent) -> Forecast:
-    """Does all that a run does, with its first frames and bodies as the models have them, in a folder that is removed.
+    """Does all that a run does, for its first frames and with unfitted bodies, in a temporary folder.
 
-    Of a recording that begins before its persons come in, with the first frames in view.
+    If the recording begins before its persons come in, it takes the first frames in view.
 
     Args:
-        job: what would be run.
-        n_frames: frames to be tracked.
+        job: the run.
+        n_frames: frames to track.
         progress: told how far it is.
 
     Raises:
-        TrackerError: what the run would end with, if its first frames show it.
+        TrackerError: the run would fail with it, if its first frames show that.
     """
     opened = job.open()
     sequence = opened.sequence
@@ -123,7 +123,7 @@ class _Clock:
 class Run:
     """A tracking job with its inputs.
 
-    Iterated, it tracks from the first frame on and writes nothing; every iteration begins anew.
+    Iterating tracks from the first frame on and writes nothing; every iteration begins anew.
     """
 
     job: TrackJob
@@ -131,7 +131,7 @@ class Run:
 
     @cached_property
     def opened(self) -> OpenedTrack:
-        """The recording and the models, opened and checked when first asked for.
+        """The recording and the models, opened and checked on first use.
 
         Raises:
             TrackerError: an input cannot be used.
@@ -151,7 +151,7 @@ class Run:
         """Tracks: one step a frame, with images, scene, estimates and evidence.
 
         Raises:
-            TrackerError: an input cannot be used, or no start pose was found in the first frames.
+            TrackerError: an input cannot be used, or the first frames show no start pose.
         """
         opened, cycle = self.job.fitted(self.opened, self.job.cycle(self.opened))
         return self.job.followed(opened, cycle)
@@ -164,10 +164,10 @@ class Run:
         Args:
             output: result folder; None for `results/NAME/TIME`.
             resume: continue an interrupted run there, or the latest one.
-            progress: told how far it is; None for bars in a notebook, and nothing elsewhere.
+            progress: receiver of the progress; None for bars in a notebook, and nothing elsewhere.
 
         Raises:
-            TrackerError: as `bodytrack run` has it.
+            TrackerError: as for `bodytrack run`.
         """
         outcome = execute(self.job, None if output is None else Path(output), resume, progress or shown())
         return load_result(outcome.folder)
@@ -187,10 +187,10 @@ def load_run(config: Path | str, overrides: Sequence[str] = ()) -> Run:
 
 
 FORMATS = ("bvh", "c3d", "glb", "isb_angles", "mot", "opensim", "osim", "trc", "wide_table")
-"""Recordings that need poses and times only."""
+"""Recordings that need only poses and times."""
 
 _PLANNED = {"movement", "rig", "place", "heading_deg"}
-"""Of a recipe, what `simulate` has arguments of its own for."""
+"""Fields of a recipe that `simulate` has as arguments of its own."""
 
 log = logging.getLogger("tracker")
 
@@ -200,13 +200,13 @@ Wanted = str | Iterable[str | Recording] | Mapping[str, Mapping[str, Any]]
 
 @dataclasses.dataclass(frozen=True)
 class Simulated:
-    """A recording of a simulated person, and what to expect of it."""
+    """A recording of a simulated person, and the expected errors."""
 
     config: Path
-    """Of a run, for `load_run`; the truth lies in its folder, for `evaluate`."""
+    """Configuration for `load_run`; the truth lies in its folder, for `evaluate`."""
 
     expected: Prospect
-    """Standard deviations of joints and angles, what each view adds, what stays hidden."""
+    """Standard deviations of joints and angles, the gain of each view, hidden parts."""
 
 
 def evaluate(result: Result | Path | str, truth: Path | str) -> Evaluation:
@@ -214,7 +214,7 @@ def evaluate(result: Result | Path | str, truth: Path | str) -> Evaluation:
 
     Args:
         result: a result, or its folder.
-        truth: table of joints, or a folder that holds one: that of a simulated recording, for instance.
+        truth: table of joints, or a folder that holds one: of a simulated recording, for instance.
 
     Raises:
         TrackerError: files are missing or damaged, or have no frame or joint in common.
@@ -234,24 +234,24 @@ def smooth(
 
     Args:
         result: a result, or its folder.
-        use: how: rts, butterworth, spline or one_euro.
-        output: folder to write to; None for `smoothed` in the result's.
-        overwrite: replace a smoothed result that is there already, with all that was made of it.
-        progress: told how far it is; None for a bar in a notebook, and nothing elsewhere.
+        use: method: rts, butterworth, spline or one_euro.
+        output: folder to write; None for `smoothed` in the result's.
+        overwrite: replace an earlier smoothed result, with all that was made of it.
+        progress: receiver of the progress; None for a bar in a notebook, and nothing elsewhere.
         **fields: of the smoothing, `cutoff_hz=8.0` for instance.
 
     Returns:
         The smoothed result.
 
     Raises:
-        TrackerError: a field is wrong, the frame rate too low for it, or the folder holds something.
+        TrackerError: a field is wrong, the frame rate too low for it, or the folder is not empty.
     """
     smoothing: Smoothing = build("smoothing", {"use": use, **fields}, "smooth", Path())
     return smooth_by(smoothing, _loaded(result), Path(output) if output else None, overwrite, progress or shown())
 
 
 def smooth_by(smoothing: Smoothing, raw: Result, output: Path | None, overwrite: bool, progress: Progress) -> Result:
-    """Smooths a result, and writes what there is to look at; see `smooth`."""
+    """Smooths a result, with report and overlay; see `smooth`."""
     pictures = Pictures((Report(), Overlay()), lambda: images_of(raw), progress)
     return load_result(write_smoothed(raw, smoothing, output, overwrite, pictures))
 
@@ -264,14 +264,14 @@ def export(
     Args:
         result: a result, or its folder.
         to: formats: "trc,c3d", ["trc", "c3d"], or with their fields {"trc": {"y_up": True}}.
-        output: folder to write to; None for `exports` in the result's.
-        overwrite: replace files that are there already.
+        output: folder to write; None for `exports` in the result's.
+        overwrite: replace existing files.
 
     Returns:
         The files written: all, or none.
 
     Raises:
-        TrackerError: there is no such format, the result cannot be written in one, or a file is there already.
+        TrackerError: the format does not exist, the result cannot be written in it, or a file exists already.
     """
     recordings = _recordings(to)
     loaded = _loaded(result)
@@ -294,15 +294,15 @@ def simulate(
     Args:
         rig: cameras, or their calibration; None for four in the corners of a room.
         movement: of the model's file.
-        output: folder to make; None for `results/simulated/MOVEMENT`.
-        place: middle of the way, x and y, metres; None for the middle of what most cameras see.
+        output: folder to create; None for `results/simulated/MOVEMENT`.
+        place: middle of the way, x and y, metres; None for the middle of the area that most cameras see.
         heading_deg: direction faced at the start, from x; None for the one that keeps most of the way in the pictures.
-        edge_px: error of an edge, px: what standard deviations are told for.
-        progress: told how far it is; None for a bar in a notebook, and nothing elsewhere.
+        edge_px: error of an edge, px, for the expected standard deviations.
+        progress: default a bar in a notebook, and nothing elsewhere.
         **recipe: of `synthesis.simulation.sequence.Recipe`: `model`, `seconds`, `fps`, `size`, `stature_m`, `seed`, ...
 
     Raises:
-        TrackerError: something cannot be filmed so, or the folder holds something.
+        TrackerError: these settings cannot be filmed, or the folder is not empty.
     """
     valid = {field.name for field in dataclasses.fields(Recipe)} - _PLANNED
     for name in recipe.keys() - valid:
@@ -328,7 +328,7 @@ def _read(path: Path) -> Rig:
 
 
 def _recordings(to: Wanted) -> list[Recording]:
-    """What writes the formats that are asked for, each once."""
+    """Recorders of the formats, each once."""
     asked = dict.fromkeys(filter(None, to.split(","))) if isinstance(to, str) else to
     fields = to if isinstance(to, Mapping) else {}
     made = [one if isinstance(one, Recording) else _recording(one, fields.get(one, {})) for one in asked]

@@ -1,4 +1,4 @@
-"""Strain of skin and cloth from a finished following: a table, pictures, and how far it slides over the bones."""
+"""Strain of skin and cloth from a finished following: a table, pictures, and its sliding over the bones."""
 
 from __future__ import annotations
 
@@ -39,32 +39,33 @@ from tracker.running.viewing.images import without_plates
 from tracker.tracking.estimate import Estimate
 
 _LEAST_LEAD_M = 0.01
-"""A point this much nearer to its part than to the next one is that part's; between two, nobody knows whose it is."""
+"""A point this much nearer to its part than to the next one belongs to that part; between two parts it belongs to
+none."""
 
 _FARTHEST_M = 0.06
-"""A point farther from the body is no skin or cloth of it."""
+"""A point farther from the body is neither skin nor cloth of it."""
 
 _LEAST_POINTS = 10
-"""Points of a segment from which something is told of it."""
+"""Least number of points of a segment for a statement about it."""
 
 
 @dataclass(frozen=True)
 class Slide:
-    """Of a segment, from the frame of reference to another one."""
+    """Sliding over a segment, from the frame of reference to another one."""
 
     segment: str
     n_points: int
     slide_m: float
-    """How far points have moved along the surface, beside the bone, median."""
+    """Distance of points along the surface, beside the bone, median."""
 
     most_m: float
-    """What 95 % of them do not exceed."""
+    """95 % of the points slide less."""
 
     lift_m: float
-    """How far they have moved off the bone, median; negative towards it."""
+    """Distance off the bone, median; negative towards it."""
 
     sigma_m: float
-    """Standard deviation of a slide by what is not known of the two poses; NaN where a method tells none."""
+    """Standard deviation of a slide because of the two poses; NaN if the method gives none."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class OnBones:
 
     body: BodyModel
     part: Integers
-    """(N,) numbers of the parts; -1 for points that are nobody's."""
+    """(N,) numbers of the parts; -1 for points of no part."""
 
     place: Array
     """(N, 3) in the part's frame, metres."""
@@ -116,10 +117,10 @@ def on_bones(body: BodyModel, begun: Estimate, positions: Array) -> OnBones:
 
 
 def slides(points: OnBones, now: Estimate, positions: Array) -> tuple[Slide, ...]:
-    """How far the points of each segment have slid since the frame of reference.
+    """Sliding of the points of each segment since the frame of reference.
 
     Args:
-        points: where they were.
+        points: positions in the frame of reference.
         now: the pose of the frame.
         positions: (N, 3) of the points in it, metres; NaN where a point is not seen.
     """
@@ -142,7 +143,7 @@ def slides(points: OnBones, now: Estimate, positions: Array) -> tuple[Slide, ...
 
 
 def _pose_sigma(points: OnBones, estimates: Sequence[Estimate], own: Integers) -> float:
-    """Standard deviation of a point's place along the surface by the poses, root of the mean over points and axes."""
+    """Standard deviation of a point's position along the surface by the poses, RMS over points and axes."""
     body, total = points.body, 0.0
     for one in estimates:
         placed = body.world_from_part(one.q)[points.part[own]]
@@ -155,50 +156,50 @@ def _pose_sigma(points: OnBones, estimates: Sequence[Estimate], own: Integers) -
 
 
 GAUGE, DEPTH = 2.5, 4.5
-"""Reach of a gauge, and of the surface that depths are smoothed by, in distances between neighbouring points. On
-`closerange/back`, points 5 mm apart, 68 % of the strains are then right to 0.005; see docs/lab/strain.md."""
+"""Radius of a gauge, and of the surface that smooths depths, in distances between neighbouring points. On
+`closerange/back`, points 5 mm apart, 68 % of the strains then have errors below 0.005; see docs/lab/strain.md."""
 
 _ENDS = 98.0
-"""Percentile of the strains and shears of all frames that colours reach to."""
+"""Percentile of the strains and shears of all frames at the end of the colours."""
 
 _SLIDE_COLUMNS = ("frame", "time_s", "segment", "points", "slide_mm", "most_mm", "lift_mm", "sigma_mm")
 
 
 @dataclass(frozen=True)
 class Asked:
-    """Which frames are compared, and how."""
+    """Frames to compare, and settings."""
 
     reference: int | None = None
-    """Number of the frame that nothing is strained in; None for the first one."""
+    """Number of the frame without strain; None for the first one."""
 
     every: int = 10
-    """Every so many frames from the first asked for; the last one besides."""
+    """Every so many frames from the first chosen one; and the last one."""
 
     first: int = 0
     behind: int | None = None
     """Numbers of the first frame, and of the one behind the last."""
 
     gauge_mm: float | None = None
-    """How far the points of a gauge are from its own at most; None for 2.5 times the distance of neighbours."""
+    """Radius of a gauge; None for 2.5 times the distance of neighbours."""
 
     view: str | None = None
-    """That the pictures are drawn in; None for the middle one."""
+    """View of the pictures; None for the middle one."""
 
 
 @dataclass(frozen=True)
 class Strained:
-    """What was found."""
+    """Outcome of a strain measurement."""
 
     reference: int
     spacing_mm: float
     gauge_mm: float
     frames: tuple[StrainFrame, ...]
     slides: Mapping[int, tuple[Slide, ...]]
-    """Frame -> segments, where a body was given and is not lost."""
+    """Frame -> segments, if a body was given and is not lost."""
 
     files: tuple[Path, ...]
     told: str
-    """What is missing in the pictures; empty for nothing."""
+    """Why pictures have no images; empty if they have."""
 
 
 def strain_followed(
@@ -209,13 +210,13 @@ def strain_followed(
     Args:
         folder: result of `bodytrack follow`, in space.
         asked: frames and gauges.
-        body: a run of the same recording and a person in it, beside whose bones sliding is measured; None for none.
-        output: folder for the files; made if it is not there.
+        body: a run of the same recording and a person in it, whose bones sliding is measured against; None for none.
+        output: folder for the files; created if missing.
         progress: told how far it is.
 
     Raises:
-        TrackerError: the folder is no following in space, a frame, view or person is not in it, or points and body do
-            not belong together.
+        TrackerError: the folder is not a following in space, a frame, view or person is not in it, or points and body
+            do not belong together.
     """
     table, rig, patch_px = _opened(folder)
     rows, reference = _rows(table, asked, folder)
@@ -223,7 +224,7 @@ def strain_followed(
     spacing = spacing_m(table.positions[reference])
     reach = asked.gauge_mm / 1000 if asked.gauge_mm else GAUGE * spacing
     if not np.isfinite(reach):
-        raise SequenceError(f"{folder}: fewer than two points in frame {table.frames[reference]}: nothing is strained")
+        raise SequenceError(f"{folder}: fewer than two points in frame {table.frames[reference]}: no strain")
     seen = table.positions[reference][table.seen[reference]]
     patch_m = patch_px * float(np.median(camera.in_camera(seen)[:, 2]) / camera.matrix[0, 0])
     around = near(table.positions[reference], DEPTH * spacing)
@@ -254,7 +255,7 @@ def told_strains(found: Strained) -> list[tuple[str, ...]]:
 
 
 def _spread(values: Array) -> str:
-    """The median, and between what 90 % lie."""
+    """The median, and the range of 90 %."""
     middle, low, high = np.percentile(values, (50, 5, 95))
     return f"{middle:.1f} ({low:.1f} to {high:.1f})"
 
@@ -268,7 +269,7 @@ def told_slides(found: Strained) -> list[tuple[str, ...]]:
 
 
 def _opened(folder: Path) -> tuple[PointTable, Rig, int]:
-    """The points, the cameras, and the width of the patches that points were followed by, px."""
+    """The points, the cameras, and the width of the patches that followed points, px."""
     summary = folder / "follow.json"
     if not summary.is_file():
         raise SequenceError(f"{folder}: no follow.json in it: expected the result folder of `bodytrack follow`")
@@ -278,14 +279,12 @@ def _opened(folder: Path) -> tuple[PointTable, Rig, int]:
         raise SequenceError(f"{summary}: damaged: no width of the patches, following.matching.patch_px") from error
     table = read_trajectories(folder)
     if table.flat:
-        raise SequenceError(
-            f"{folder}: points followed in the image of one view: strain needs them in space, in px none"
-        )
+        raise SequenceError(f"{folder}: points followed in the image of one view: strain needs points in space")
     return table, load_rig(folder / "rig.toml"), patch_px
 
 
 def _rows(table: PointTable, asked: Asked, folder: Path) -> tuple[list[int], int]:
-    """Rows of the frames asked for, and of that of reference."""
+    """Rows of the chosen frames, and of the frame of reference."""
     numbers = table.frames.tolist()
     reference = numbers[0] if asked.reference is None else asked.reference
     if reference not in numbers:
@@ -308,7 +307,7 @@ def _camera(rig: Rig, view: str | None) -> Camera:
 
 @dataclass(frozen=True)
 class _Begun:
-    """The frame of reference, made ready."""
+    """The frame of reference, prepared."""
 
     gauges: Gauges
     around: Near
@@ -324,7 +323,7 @@ class _Begun:
 def _slid(
     table: PointTable, rows: Sequence[int], reference: int, body: tuple[Result, str]
 ) -> dict[int, tuple[Slide, ...]]:
-    """Frame -> how far points have slid over each segment; of frames in which the person is lost nothing is said."""
+    """Frame -> sliding of the points over each segment; without frames in which the person is lost."""
     result, person = body
     track = result.person(person)
     known = {int(number): one for number, one in zip(track.frames, track.estimates, strict=True) if not one.lost}
@@ -364,7 +363,7 @@ def _mm(value: float) -> str:
 
 
 def _images(folder: Path, rig: Rig, camera: Camera, numbers: set[int]) -> tuple[dict[int, Image], str]:
-    """Images of a view, by their frames, as far as the recording is there; and why there are none."""
+    """Images of a view, by their frames, if the recording is still there; and why there are none."""
     view, images = rig.names.index(camera.name), {}
     try:
         sequence = without_plates(load_job("follow", folder / CONFIG).reading)

@@ -1,8 +1,8 @@
-"""Views against each other, by the persons tracked in them: how late each is, and how it is turned.
+"""Compares views by the tracked persons: the delay of each view, and the turn of its camera.
 
-Nobody sees that a camera runs 10 ms late, or was touched after calibration: poses are a compromise between the views,
-and look like poses. A body that moves tells both. Where a view is late, contours lie behind those of the model by as
-much as they move meanwhile; where it is turned, they lie beside them however the body moves.
+A camera that runs 10 ms late, or was touched after calibration, does not show: poses are a compromise between the
+views, and look like poses. A moving body shows both. In a late view contours lie behind those of the model by the
+movement meanwhile; in a turned view they lie beside them for any movement.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from tracker.results.alignment.moments import MOST_MOMENTS
 __all__ = ["DelayChange", "ViewAlignment", "beside_most"]
 
 _LATE_FRAMES = 0.2
-"""Delays against the mean of the views from which they are told, frames. Of 90 results of recordings in step one had
-0.14, of somebody who moved slowly, the others 0.1 at most; four whose views were 13, -8 and 19 ms late, of 40, had 0.23
-to 0.33, and were tracked 4 to 15 mm worse. All had `MOST_MOMENTS` or more: what a body does not fit by scatters less
-over many. Of ten moments of a dry run, with a scaled body, views in step seemed 0.2 frames late, twelve deviations."""
+"""Least delay against the mean of the views that counts, frames. Among 90 results of recordings in step one had 0.14,
+of a person who moved slowly, the others 0.1 at most. Four recordings with views 13, -8 and 19 ms late, of 40, had 0.23
+to 0.33, and were tracked 4 to 15 mm worse. All had `MOST_MOMENTS` or more: misfits of a body scatter less over many. In
+ten moments of a dry run, with a scaled body, views in step seemed 0.2 frames late, twelve deviations."""
 
 _LATE_M = 0.004
-"""How far the joints move meanwhile, on average, from which delays are told, metres. Of somebody of whom forearms alone
-turn, in step, a view seemed 0.19 frames late, 2 mm; the four late recordings had 9 to 25 mm."""
+"""Least mean movement of the joints during a delay that counts, metres. A recording in step in which only forearms turn
+seemed to have a view 0.19 frames late, 2 mm; the four late recordings had 9 to 25 mm."""
 
 _TURNED_PX = 1.5
-"""Turns from which they are told, px at the middle of an image that shows a person some 300 px high. Of the same 90
-none had more than 0.8 but the real man, whose calibration was estimated twice: 1.6 to 3.0. Tracked with the rig as he
-showed it he leaves 4.3 px of contour over instead of 4.6. Cameras turned by 0.2 degrees had 1.2 to 2.6."""
+"""Least turn that counts, px at the middle of an image that shows a person some 300 px high. Of the same 90 none had
+more than 0.8 except the real man, whose calibration was estimated twice: 1.6 to 3.0. Tracked with the turned rig, he
+leaves over 4.3 px of contour instead of 4.6. Cameras turned by 0.2 degrees had 1.2 to 2.6."""
 
 _CHANGED_FRAMES = 0.5
-"""Change of a view's delay during a recording from which it is told, frames."""
+"""Least change of a view's delay during a recording that counts, frames."""
 
 _SURE = 5.0
-"""Standard deviations that all are told from."""
+"""Standard deviations from which on all these count."""
 
 _TO_BRING = "bring the poses to one moment with `bodytrack result align RESULT`"
 _BROUGHT = "poses are those of the first view's moment; better synchronize the cameras"
@@ -46,27 +46,27 @@ _BROUGHT = "poses are those of the first view's moment; better synchronize the c
 
 @dataclass(frozen=True)
 class DelayChange:
-    """Delays that are not the same all along: a view dropped or repeated frames, or its clock runs at another rate."""
+    """Changed delays: a view dropped or repeated frames, or its clock runs at another rate."""
 
     between: tuple[int, int]
-    """Numbers of the frames that it lies between."""
+    """Numbers of the frames before and after the change."""
 
     before_s: Array
-    """(V,) how much later than the first view each one is up to the first of them, seconds."""
+    """(V,) delay of each view against the first one before the change, seconds."""
 
     after_s: Array
-    """(V,) the same from the second of them on."""
+    """(V,) the same after it."""
 
     sigmas_s: Array
     """(V,) standard deviations of `steps_s`."""
 
     @property
     def steps_s(self) -> Array:
-        """(V,) how much later than before each view is, seconds."""
+        """(V,) change of each view's delay, seconds."""
         return self.after_s - self.before_s
 
     def likely(self, interval_s: float) -> bool:
-        """Whether a view's delay changes, beyond doubt, by what is no scatter of frames."""
+        """Whether a view's delay changes significantly, and by more than frames scatter."""
         return bool((np.abs(self.steps_s) > np.maximum(_CHANGED_FRAMES * interval_s, _SURE * self.sigmas_s)).any())
 
     def told(self, names: tuple[str, ...], brought: bool = False) -> str:
@@ -76,13 +76,13 @@ class DelayChange:
         step_ms = 1000 * float(self.steps_s[v])
         return (
             f"{names[v]} runs {abs(step_ms):.0f} ms {'later' if step_ms > 0 else 'earlier'} from some frame between "
-            f"{last} and {first} on than before: it dropped or repeated frames, or its clock is another one; "
+            f"{last} and {first} on than before: it dropped or repeated frames, or its clock runs at another rate; "
             f"{_BROUGHT if brought else 'repair its images, or ' + _TO_BRING}"
         )
 
 
 def beside_most(delays: Array) -> Array:
-    """Delays (..., V) without what most views have in common; of two views without the first one's."""
+    """Delays (..., V) without the part that most views have in common; with two views, without the first one's."""
     if delays.shape[-1] == 2:
         return delays - delays[..., :1]
     return delays - np.median(delays, axis=-1, keepdims=True)
@@ -90,37 +90,37 @@ def beside_most(delays: Array) -> Array:
 
 @dataclass(frozen=True)
 class ViewAlignment:
-    """How late views are, and how their cameras are turned against the rig."""
+    """Delays of the views, and turns of their cameras against the rig."""
 
     rig: Rig
-    """As persons were tracked with."""
+    """The rig of the tracking."""
 
     interval_s: float
-    """From one frame to the next, seconds."""
+    """Time from one frame to the next, seconds."""
 
     delays_s: Array
-    """(V,) how much later than the first view each one saw what it calls the same frame, seconds."""
+    """(V,) delay of each view's frame against the first view's, seconds."""
 
     delay_sigmas_s: Array
     """(V,) their standard deviations; 0 of the first view."""
 
     turns: Array
-    """(V, 3) rotation vector, in camera coordinates, from what the rig says to what the persons show, rad."""
+    """(V, 3) rotation vector, in camera coordinates, from the rig's camera to the one that the persons show, rad."""
 
     turn_sigmas: Array
     """(V, 3) their standard deviations."""
 
     n_moments: int
-    """Frames and persons that told so."""
+    """Number of frames and persons used."""
 
     middle: Array
-    """(3,) where the persons were, metres."""
+    """(3,) position of the persons, metres."""
 
     speed_m_per_s: float
     """Mean speed of the joints there, see `tracker.results.alignment.moments.speed`."""
 
     change: DelayChange | None = None
-    """Of delays during the recording, where there is one; `delays_s` is then a compromise."""
+    """Change of delays during the recording, if there is one; `delays_s` is then a compromise."""
 
     @cached_property
     def late_frames(self) -> Array:
@@ -130,7 +130,7 @@ class ViewAlignment:
 
     @property
     def out_of_step(self) -> bool:
-        """Whether views are late, beyond doubt and by what matters."""
+        """Whether views are late, significantly and by an amount that matters."""
         sigmas, most = float(self.delay_sigmas_s.max()) / self.interval_s, float(np.abs(self.late_frames).max())
         matters = most * self.interval_s * self.speed_m_per_s > _LATE_M
         least = _LATE_FRAMES * max(1.0, float(np.sqrt(MOST_MOMENTS / max(self.n_moments, 1))))
@@ -138,11 +138,11 @@ class ViewAlignment:
 
     @property
     def late(self) -> bool:
-        """Whether poses are not those of one moment: views are out of step, all along or from some frame on."""
+        """Whether poses are not of one moment: views are out of step, throughout or from some frame on."""
         return self.out_of_step or self.change is not None
 
     def delays_at(self, frame: int) -> Array:
-        """(V,) delays of the views in a frame of some number, seconds."""
+        """(V,) delays of the views in a frame with a number, seconds."""
         if self.change is None:
             return self.delays_s
         return self.change.before_s if frame <= self.change.between[0] else self.change.after_s

@@ -1,7 +1,7 @@
 """Least squares: delays and turns of views that bring contours and edges of tracked persons together.
 
-An adjustment as in photogrammetry, with the pose of each person in each frame among the unknowns, so that what a
-displaced pose would explain is not taken for a delay.
+An adjustment as in photogrammetry. The pose of each person in each frame is among the unknowns, so that the effect of a
+displaced pose does not count as a delay.
 """
 
 from __future__ import annotations
@@ -32,25 +32,25 @@ from tracker.results.alignment.moments import Moment, Tracked, rates_of, speed
 from tracker.tracking.estimate import Estimate
 
 FEWEST = 8
-"""Moments below which nothing is said."""
+"""Least number of moments for a result."""
 
 _FEWEST_BESIDE = 5
-"""Moments on each side of a change of delays."""
+"""Least number of moments on each side of a change of delays."""
 
 _SEEMS = 0.2
-"""Share of a change that is told from which one is adjusted: pairs made with common delays show less of it."""
+"""Share of a significant change from which on it is adjusted: pairs made with common delays show less of it."""
 
 _GATES_PX = (12.0, 8.0, 6.0, 5.0, 5.0)
 """Largest distance of a pair in each round, px."""
 
 
 def align(moments: Sequence[Moment], interval_s: float, progress: Progress = silent) -> ViewAlignment | None:
-    """Delays and turns of the views; None where too few moments, or one view alone, tell nothing.
+    """Delays and turns of the views; None if there are too few moments, or one view alone.
 
     Args:
         moments: of one rig, in the order of time.
         interval_s: from one frame to the next, seconds.
-        progress: told how far it is.
+        progress: gets the rounds.
     """
     if len(moments) < FEWEST or len(moments[0].scene.rig) < 2:
         return None
@@ -87,17 +87,17 @@ def turned(rig: Rig, turns: Array) -> Rig:
 
 @dataclass(frozen=True)
 class _State:
-    """Where the adjustment is."""
+    """Present state of the adjustment."""
 
     unknowns: Unknowns
     poses: Sequence[Array]
     told: Sequence[Eliminated]
-    """Of the round before, one a moment."""
+    """Equations of the round before, one a moment."""
 
 
 @dataclass(frozen=True)
 class _Task:
-    """What is adjusted."""
+    """Unknowns."""
 
     moments: Sequence[Moment]
     looks: Sequence[Sequence[Look]]
@@ -106,7 +106,7 @@ class _Task:
     progress: Progress
 
     def solved(self, state: _State, parts: Integers) -> _State:
-        """After all rounds, with each moment in a part (M,) of the recording whose delays are its own."""
+        """After all rounds; each moment is in a part (M,) of the recording with its own delays."""
         for done, gate_px in enumerate(_GATES_PX):
             self.progress("comparing the views", done, len(_GATES_PX))
             state = self._round(state, parts, gate_px)
@@ -114,7 +114,7 @@ class _Task:
         return state
 
     def sums(self, state: _State, parts: Integers) -> Sums:
-        """The equations of a state's round before, its moments in other parts."""
+        """The equations of a state's round before, with its moments in other parts."""
         unknowns = state.unknowns
         if parts.max() >= len(unknowns.delays):
             unknowns = Unknowns(np.repeat(unknowns.delays, parts.max() + 1, axis=0), unknowns.turns)
@@ -142,10 +142,10 @@ class _Task:
 
 
 def _change(task: _Task, whole: _State) -> DelayChange | None:
-    """The most likely change of delays between two moments; None where there is hardly one.
+    """The most likely change of delays between two moments; None if none is likely.
 
-    Where it may be is told by the equations of the whole, of which each split is a solution of small systems; only
-    what seems a change there is adjusted as one, and then again where its moments would have it.
+    The equations of the whole show the candidates; each split of them is a solution of small systems. Only a likely
+    change is adjusted, and then again where its moments place it.
     """
     at = [moment.frame.index for moment in task.moments]
     n, every = len(at), np.arange(len(at))
@@ -172,7 +172,7 @@ def _after(every: Integers, split: int) -> Integers:
 
 
 def _dearer_after(state: _State, split: int) -> Array:
-    """(M,) by how much a moment costs more with the delays after the split than with those before it."""
+    """(M,) extra cost of a moment with the delays after the split against those before it."""
     step = np.zeros(len(state.told[0].vector))
     n_delays = state.unknowns.delays.shape[1]
     step[:n_delays] = state.unknowns.delays[1] - state.unknowns.delays[0]
@@ -185,7 +185,7 @@ def _dearer_after(state: _State, split: int) -> Array:
 
 
 def _told_change(task: _Task, state: _State, parts: Integers) -> DelayChange:
-    """What the equations of a state say of delays in two parts of the recording."""
+    """Delays in two parts of the recording by the equations of a state."""
     sums = task.sums(state, parts)
     first = int(parts.argmax())
     delays = [
@@ -218,13 +218,13 @@ def in_step(
 ) -> Iterator[tuple[int, tuple[Estimate, ...]]]:
     """The estimates of all persons at the first view's moment.
 
-    Each view is compared with the pose that the movement has reached when that view looks: the pose in question, and
-    on from there for as long as the view is late, as the poses tracked move. Lost persons stay as they are.
+    Each view is compared with the pose that the movement has reached when that view films: the pose in question, moved
+    on during the view's delay as the tracked poses move. Lost persons stay as they are.
 
     Args:
         scene: the persons, and the rig that they were tracked with.
         frames: the poses found.
-        found: how late the views are.
+        found: delays of the views.
         images: the recording from its start on.
 
     Yields:
@@ -246,11 +246,12 @@ def in_step(
 
 
 def at_one_moment(moment: Moment, delays_s: Array) -> Array:
-    """(dof,) the pose of a person when the first view looks.
+    """(dof,) the pose of a person when the first view films.
 
     Args:
-        moment: the images, the pose as tracked and how it moves.
-        delays_s: (V,) how much later than the first view each one looks.
+        moment: the images, the pose as tracked and its movement.
+        delays_s: (V,) delay of each view against the first
+            one.
     """
     person, looks = moment.scene.persons[moment.person], looks_of(moment)
     spread = np.where(person.body.rotates, *POSE_SPREAD)

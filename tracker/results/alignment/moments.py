@@ -1,4 +1,4 @@
-"""Frames in which persons move and are tracked without doubt: what tells of the views that show them."""
+"""Frames in which persons move and are tracked without doubt: they show delays and turns of views."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from tracker.foundation.arrays import Array, frozen
 from tracker.tracking.estimate import Estimate
 
 MOST_MOMENTS = 24
-"""Frames of each person, the fastest ones, that are compared: delays are known to a hundredth of a frame by as many."""
+"""Number of frames of each person to compare, the fastest ones: with as many, delays are known to a hundredth of a
+frame."""
 
 _STRETCHES = 3
-"""Of a recording, from each of which the fastest third of as many frames is compared in any case: what changes on the
-way shows in frames before and after."""
+"""Stretches of a recording; the fastest third of as many frames of each is always compared: a change on the way shows
+in frames before and after."""
 
 _LEAST_M_PER_S = 0.2
-"""Mean speed of the joints below which a frame tells nothing of delays: views of somebody who hardly moved at 3 mm a
-frame seemed a frame late."""
+"""Mean speed of the joints below which a frame shows no delays: views of a person who moved at 3 mm a frame seemed a
+frame late."""
 
 _MOST_TURNED = 1.2
-"""An angle that changes by more in two frames jumped, or is that of a joint near gimbal lock, rad."""
+"""An angle that changes by more in two frames jumped, or its joint is near gimbal lock, rad."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Tracked:
 
 @dataclass(frozen=True)
 class Moment:
-    """A frame, one of its persons, and how that one moves."""
+    """A frame, one of its persons, and that person's movement."""
 
     frame: Frame
     scene: Scene
@@ -48,20 +49,19 @@ class Moment:
 
     person: int
     rates: Array
-    """(2, dof) how fast its parameters change, rad/s and m/s, and how fast that changes, per s more."""
+    """(2, dof) velocities of its parameters, rad/s and m/s, and accelerations, per s more."""
 
     def later(self, q: Array, late_s: float) -> Array:
-        """The pose that the movement reaches from a pose (dof,) so much later."""
+        """The pose that the movement reaches from a pose (dof,) after a time."""
         pose: Array = q + late_s * self.rates[0] + 0.5 * late_s**2 * self.rates[1]
         return pose
 
 
 def rates_of(body: BodyModel, frames: Sequence[Tracked], person: int) -> Array:
-    """(T, 2, dof) how fast parameters change, rad/s and m/s, and accelerations, by two frames on both sides.
+    """(T, 2, dof) velocities of the parameters, rad/s and m/s, and accelerations, by two frames on both sides.
 
-    By one on both sides where there is no more: of two steps a second at 12.5 frames a second it sees 0.84 of the
-    speed. NaN where the person is lost; 0 where nothing can be told: at the ends of what was tracked, and where an
-    angle jumps.
+    By one frame on both sides if there are no more: at 12.5 frames a second it sees 0.84 of the speed of two steps a
+    second. NaN where the person is lost; 0 where it is unknown: at the ends of the track, and where an angle jumps.
     """
     lost = np.array([one.estimates[person].lost for one in frames])
     times = np.array([one.time_s for one in frames])
@@ -84,9 +84,9 @@ def rates_of(body: BodyModel, frames: Sequence[Tracked], person: int) -> Array:
 
 
 def rates_at(body: BodyModel, frames: Sequence[Tracked], person: int, place: int) -> Array:
-    """(2, dof) the rates of one of some frames in turn, see `rates_of`; 0 where nothing tells.
+    """(2, dof) the rates of one of some frames in turn, see `rates_of`; 0 if unknown.
 
-    Of the first and the last frame those of the frame beside it, which their acceleration carries on.
+    The first and the last frame have those of their neighbour, carried on by its acceleration.
     """
     rates = np.nan_to_num(rates_of(body, frames, person))
     beside = min(max(place, 1), max(len(frames) - 2, 0))
@@ -96,10 +96,10 @@ def rates_at(body: BodyModel, frames: Sequence[Tracked], person: int, place: int
 
 
 def _steps(body: BodyModel, poses: Array, width: int) -> tuple[Array, Array]:
-    """From so many frames before each frame to as many after it, and by how much both differ from it; angles unwound.
+    """Differences from the frame so many before, and to the frame as many after; angles unwound.
 
     Args:
-        body: whose poses they are.
+        body: owner of the poses.
         poses: (T, dof), NaN where unknown.
         width: frames on both sides.
 
@@ -113,7 +113,7 @@ def _steps(body: BodyModel, poses: Array, width: int) -> tuple[Array, Array]:
 
 
 def chosen_moments(scene: Scene, frames: Sequence[Tracked]) -> Mapping[int, tuple[tuple[int, Array], ...]]:
-    """The frames in which persons move fastest, and nothing of them is in doubt, in that frame or those beside it.
+    """The frames in which persons move fastest and without doubt, in that frame and its neighbours.
 
     Args:
         scene: the persons and the rig.
@@ -151,7 +151,8 @@ def _fastest(speeds: Array) -> list[int]:
 def speed(body: BodyModel, poses: Array, rates: Array) -> Array:
     """(...,) mean speed of the joints at poses (..., dof) whose parameters change at such rates (..., dof), m/s.
 
-    Of a body smaller than persons as if it were as large: a hand's joints move as many pixels at a tenth of the speed.
+    A body smaller than a person counts as if it were as large: a hand's joints move as many pixels at a tenth of the
+    speed.
     """
     instant_s = 1e-3
     steps = body.landmarks_in_world(poses + instant_s * rates) - body.landmarks_in_world(poses)
@@ -165,7 +166,7 @@ def moments_of(
     chosen: Mapping[int, Sequence[tuple[int, Array]]],
     images: Iterable[Frame],
 ) -> list[Moment]:
-    """The chosen frames with their images, which are read up to the last of them.
+    """The chosen frames with their images, read up to the last of them.
 
     Args:
         scene: the persons and the rig.

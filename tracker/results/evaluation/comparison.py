@@ -45,19 +45,19 @@ class PersonErrors:
     """Frames of the truth within the run's range."""
 
     n_missing: int
-    """Those without a pose: lost."""
+    """Frames without a pose: lost."""
 
     mean_mm: float = np.nan
     median_mm: float = np.nan
     p95_mm: float = np.nan
     mean_offset_removed_mm: float = np.nan
-    """After removing one constant offset a joint: another convention of joint centres is no error."""
+    """Mean distance after removing one constant offset a joint: another convention of joint centres is no error."""
 
     median_offset_removed_mm: float = np.nan
     mean_trunk_offset_removed_mm: float = np.nan
-    """The same with one constant offset a joint in the axes of the reference's trunk, which turns with the person: of
-    one who walks round, offsets that are constant in the world are those of no convention. NaN where fewer than three
-    limbs tell how the trunk is turned."""
+    """The same with one constant offset a joint in the axes of the reference's trunk, which turns with the person: if a
+    person walks in a circle, offsets constant in the world follow no convention. NaN where fewer than three limbs show
+    the turn of the trunk."""
 
     joints_mm: dict[str, tuple[float, float]] = field(default_factory=dict)
     """Joint -> mean distance, raw and with the offset removed."""
@@ -69,16 +69,16 @@ class PersonErrors:
     """Pose parameter -> RMS error in degrees or metres; empty without a pose truth."""
 
     joint_sigmas_mm: dict[str, float] = field(default_factory=dict)
-    """Joint -> RMS of the standard deviation that the run tells of it; without those of which it tells none."""
+    """Joint -> RMS of the run's standard deviation; without joints that have none."""
 
     hinge_sigmas_deg: dict[str, float] = field(default_factory=dict)
     """Hinge -> the same of its angle."""
 
     incomplete_frames: dict[str, int] = field(default_factory=dict)
-    """Joint that is not known to both in every frame with a pose -> frames that it is compared in; 0: in none."""
+    """Joint that is unknown to one of both in a frame with a pose -> frames in which it is compared; 0 for none."""
 
     def over_sigma(self, hinges: str = "") -> float:
-        """Raw errors over the standard deviations told, RMS over the joints, or over the hinges named so; NaN of none.
+        """Raw errors over the run's standard deviations, RMS over joints or hinges; NaN if there are none.
 
         Args:
             hinges: end of the names of hinges, for instance `elbow`; empty for joints.
@@ -102,7 +102,7 @@ def errors_of(
 ) -> tuple[PersonErrors, dict[str, Array]]:
     """Errors of one person without pose parameters, and the distance of every joint in each frame, mm.
 
-    A joint that one of both does not tell of in a frame is left out of that frame alone: its distance there is NaN.
+    A joint that one of both lacks in a frame is left out of that frame alone: its distance there is NaN.
 
     Raises:
         SequenceError: they have no frame, or no joint, in common.
@@ -141,7 +141,7 @@ def errors_of(
 
 
 def _points(table: Frames, frames: list[int], joints: list[str]) -> Array:
-    """(T, J, 3) metres; NaN where the table does not tell."""
+    """(T, J, 3) metres; NaN where the table has none."""
     unknown = np.full(3, np.nan)
     return np.array([[table[frame].get(name, unknown) for name in joints] for frame in frames])
 
@@ -149,7 +149,7 @@ def _points(table: Frames, frames: list[int], joints: list[str]) -> Array:
 def _summary(
     who: tuple[str, str], p: Array, g: Array, joints: list[str], chains: dict[str, tuple[str, str, str]]
 ) -> PersonErrors:
-    """Errors of points p (T, J, 3) against g, metres; how many frames they are of is filled in by the caller."""
+    """Errors of points p (T, J, 3) against g, metres; the caller fills in the number of frames."""
     gap = 1000 * np.linalg.norm(p - g, axis=-1)
     removed = 1000 * np.linalg.norm(p - g - np.nanmean(p - g, axis=0), axis=-1)
     means = zip(joints, np.nanmean(gap, axis=0), np.nanmean(removed, axis=0), strict=True)
@@ -170,15 +170,15 @@ def _summary(
 
 
 def _limb_origins(joints: list[str], chains: dict[str, tuple[str, str, str]]) -> list[int]:
-    """Columns of the joints that limbs hang on: shoulders and hips."""
+    """Columns of the joints that carry limbs: shoulders and hips."""
     return sorted({joints.index(chain[0]) for chain in chains.values() if chain[0] in joints})
 
 
 def _in_trunk_axes(gaps: Array, trunk: Array) -> float:
-    """Mean length of gaps (T, J, 3) without their mean in the axes of a trunk of which points (T, L, 3) are known, mm.
+    """Mean length of gaps (T, J, 3) without their mean in the axes of a trunk with known points (T, L, 3), mm.
 
-    How the trunk is turned since the first frame is told by the rotation that brings its points nearest (Kabsch 1976).
-    Frames in which one of them is unknown are left out.
+    The turn of the trunk since the first frame is the rotation that brings its points nearest (Kabsch 1976). Frames
+    with an unknown point are left out.
     """
     known = np.isfinite(trunk).all(axis=(1, 2))
     gaps, trunk = gaps[known], trunk[known]
@@ -218,7 +218,7 @@ def _hinges(
 
 
 def with_sigmas(table: PersonErrors, result: Path, joints: Joints) -> PersonErrors:
-    """Adds what the run tells of how far off it may be."""
+    """Adds the run's own uncertainties."""
     told_mm, told_deg = joint_sigmas_mm(result, table.person), hinge_sigmas_deg(result, table.person, joints)
     return replace(
         table,
@@ -244,7 +244,7 @@ def with_parameters(table: PersonErrors, result: Path, truth: Path) -> PersonErr
 
 
 def _rows_of(person: str, path: Path) -> dict[int, dict[str, str]]:
-    """Frame -> row of a person in a table of poses; a table without persons is of one, as a table of joints is."""
+    """Frame -> row of a person in a table of poses; a table without persons is one person's, like a table of joints."""
     rows = [row for row in read_rows(path) if (row.get("person") or NOBODY) == person]
     return {frame_in(row, path, SequenceError): row for row in rows}
 
@@ -262,17 +262,17 @@ class Evaluation:
 
     persons: tuple[PersonErrors, ...]
     silhouette_iou: dict[str, float]
-    """View -> mean intersection over union of model and foreground; empty without backgrounds, and of a result whose
-    poses were changed after the run: the overlaps in it are those of the raw poses."""
+    """View -> mean intersection over union of model and foreground; empty without backgrounds, and for changed poses:
+    the overlaps in their result are those of the raw poses."""
 
     distances_mm: tuple[dict[str, Array], ...]
     """For each person: `frame` (T,) and joint -> (T,) distance, mm."""
 
     left_out: tuple[str, ...] = ()
-    """Persons of the run whom the truth has nobody left for."""
+    """Persons of the run without a partner in the truth."""
 
     truths_left_out: tuple[str, ...] = ()
-    """Persons of the truth whom the run has nobody left for."""
+    """Persons of the truth without a partner in the run."""
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, without the curves."""
@@ -331,9 +331,9 @@ def _named(frames: Frames, names: JointNames) -> Frames:
 
 
 def _matched(found: JointTable, true: JointTable, names: dict[str, JointNames]) -> list[tuple[str, str]]:
-    """Pairs of persons with the least distance, each true person once; who is lost in every frame comes last."""
+    """Pairs of persons with the least distance, each true person once; persons lost in every frame come last."""
     if not any(found.persons.values()):
-        raise SequenceError("the result has no pose that is not lost")
+        raise SequenceError("the result has no pose: every frame is lost")
     truths = {person: frames for person, frames in true.persons.items() if frames}
     if not truths:
         raise SequenceError("the truth has no joint with a position")
@@ -371,7 +371,7 @@ def _overlaps(result: Path) -> dict[str, float]:
         told = {} if CHANGED & run.keys() else run["summary"].get("silhouette_iou", {})
         return {str(view): float(value) for view, value in told.items()}
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise SequenceError(f"{path}: damaged, expected what a run writes there: {one_line(error)}") from error
+        raise SequenceError(f"{path}: damaged, expected the file of a run: {one_line(error)}") from error
 
 
 def error_figure(evaluation: Evaluation) -> Figure:

@@ -1,4 +1,4 @@
-"""Joints over time as tables of results and references tell them: which are compared, and how sure they are."""
+"""Joints over time from tables of results and references: names, positions, uncertainties."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from tracker.foundation.source_files import frame_in, json_of, number_in, one_li
 from tracker.results.evaluation.time_correlation import Clocked
 
 _FARTHEST_M = 200.0
-"""No joint is farther from the world's origin, as no camera is: what lies there is in other units."""
+"""Largest distance of a joint from the world's origin, as of a camera: beyond, it is in other units."""
 
 NOBODY = "1"
-"""What the one person of a table that names nobody is called."""
+"""Name of the person in a table without names."""
 
 Frames = dict[int, dict[str, Array]]
 """Frame -> joint -> (3,) metres."""
@@ -37,15 +37,15 @@ class JointTable:
     """Joint centres of several persons."""
 
     persons: dict[str, Frames]
-    """Joints are called as the table calls them; without frames: no joint of the person has a position."""
+    """Joints have the table's names; without frames no joint of the person has a position."""
 
 
 def read_joints(path: Path) -> JointTable:
     """Reads a long table with the columns frame, joint, x, y, z (or x_m, ...) and perhaps person.
 
     Raises:
-        SequenceError: the file cannot be read, lacks a column, has something else than metres in it, or a joint of a
-            person twice in a frame.
+        SequenceError: the file cannot be read, lacks a column, has values other than metres, or a joint of a person
+            twice in a frame.
     """
     rows = read_rows(path)
     axes = ("x_m", "y_m", "z_m") if "x_m" in rows[0] else ("x", "y", "z")
@@ -76,23 +76,23 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     """Rows of a CSV file.
 
     Raises:
-        SequenceError: the file is missing, no text, or empty.
+        SequenceError: the file is missing, not text, or empty.
     """
     return rows_of(path, SequenceError)
 
 
-# Which joints of a result are compared, and what a reference calls them: the body's model file says so.
+# The body's model file says which joints of a result are compared, and their names in a reference.
 
 
 @dataclass(frozen=True)
 class JointNames:
-    """The joints of one body that are compared."""
+    """The compared joints of one body."""
 
     joints: Joints
     mirror: Mirror
 
     def ours(self, name: str) -> str:
-        """Our name of a joint that a reference calls `l_elbow`, `RKnee` or `Head`; the same name if it is none."""
+        """Our name of a joint that a reference calls `l_elbow`, `RKnee` or `Head`; any other name stays."""
         for own, others in self.joints.aliases.items():
             if name in others:
                 return own
@@ -105,7 +105,7 @@ class JointNames:
         return name
 
     def of(self, found: dict[str, Array]) -> dict[str, Array]:
-        """Points (3,) of one frame by our names, with those midway between two others where they lack.
+        """Points (3,) of one frame by our names; missing ones are midway between two others.
 
         Raises:
             SequenceError: two names mean the same joint.
@@ -124,8 +124,7 @@ class JointNames:
 def names_of(result: Path) -> dict[str, JointNames]:
     """Person -> the joints to compare, from the run.json of a result folder.
 
-    Persons whom it does not tell about have a person's joints, those of gavrila22: tables of other programs are
-    compared as well.
+    Other persons have the joints of gavrila22: tables of other programs are compared as well.
 
     Raises:
         SequenceError: run.json is damaged.
@@ -140,7 +139,7 @@ def names_of(result: Path) -> dict[str, JointNames]:
                 one, other = entry["sides"]
                 names[entry["name"]] = JointNames(Joints.model_validate(entry["joints"]), Mirror((one, other)))
         except (ValueError, KeyError, AttributeError, TypeError, pydantic.ValidationError) as error:
-            raise SequenceError(f"{path}: damaged, expected what a run writes there: {one_line(error)}") from error
+            raise SequenceError(f"{path}: damaged, expected the file of a run: {one_line(error)}") from error
     return names
 
 
@@ -159,7 +158,7 @@ class TrackedJoints:
     """(T,) numbers of the frames."""
 
     statuses: tuple[str, ...]
-    """(T,) of the frames; `ambiguous` where no frame is doubtful or lost but a joint may be elsewhere."""
+    """(T,) of the frames; `ambiguous` if the frame is neither doubtful nor lost and a joint is ambiguous."""
 
     motion: Clocked
     """(T, J, 3) metres."""
@@ -170,14 +169,14 @@ class TrackedJoints:
 
 
 def tracked_joints(result: Path, person: str | None) -> tuple[TrackedJoints, JointNames]:
-    """A person's joints from `joints.csv`, called as the body's model file calls them.
+    """A person's joints from `joints.csv`, with the names in the body's model file.
 
     Args:
         result: folder of a run, or of a smoothed one.
-        person: whose; None where there is one only.
+        person: name; None if there is only one.
 
     Raises:
-        SequenceError: the table is missing or damaged, nobody is called so, or there are several to choose from.
+        SequenceError: the table is missing or damaged, no person has the name, or there are several to choose from.
     """
     path = result / "joints.csv"
     if not path.is_file():
@@ -188,10 +187,10 @@ def tracked_joints(result: Path, person: str | None) -> tuple[TrackedJoints, Joi
             raise SequenceError(f'{path}: no column "{column}"; {nearest(column, rows[0])}')
     persons = list(dict.fromkeys(row["person"] for row in rows))
     if person is not None and person not in persons:
-        raise SequenceError(f'{path}: nobody is called "{person}"; {nearest(person, persons)}')
+        raise SequenceError(f'{path}: no person is called "{person}"; {nearest(person, persons)}')
     if person is None and len(persons) > 1:
         raise SequenceError(
-            f"{path}: {len(persons)} persons: say by --person who wore the markers: {', '.join(persons)}"
+            f"{path}: {len(persons)} persons: choose by --person who wore the markers: {', '.join(persons)}"
         )
     who = person or persons[0]
     names = names_of(result)[who]
@@ -229,11 +228,11 @@ def _joints_of_table(path: Path, rows: list[dict[str, str]], names: JointNames) 
 # The standard deviations that a run tells of joints and hinges, to be held against its errors.
 
 _SAME_M = 0.005
-"""A parameter whose axis runs so near to a hinge's landmark is of that joint."""
+"""A parameter whose axis passes a hinge's landmark this closely belongs to that joint."""
 
 
 def joint_sigmas_mm(result: Path, person: str) -> dict[str, float]:
-    """Joint -> RMS of its told standard deviation, millimetres; empty where the tables tell none.
+    """Joint -> RMS of its standard deviation in the tables, millimetres; empty if they have none.
 
     Args:
         result: folder of a run, or of another program's tables.
@@ -248,12 +247,12 @@ def joint_sigmas_mm(result: Path, person: str) -> dict[str, float]:
 
 
 def hinge_sigmas_deg(result: Path, person: str, joints: Joints) -> dict[str, float]:
-    """Hinge -> RMS of the told standard deviation of its angle, degrees; empty where the folder tells none.
+    """Hinge -> RMS of the standard deviation of its angle, degrees; empty if the folder has none.
 
     Args:
         result: folder of a run.
         person: of the run.
-        joints: which landmarks are hinges.
+        joints: names the landmarks that are hinges.
     """
     path, model = result / "sigmas.csv", result / "models" / f"{person}.toml"
     if not (path.is_file() and model.is_file()):
@@ -269,7 +268,7 @@ def hinge_sigmas_deg(result: Path, person: str, joints: Joints) -> dict[str, flo
 
 
 def _column(body: BodyModel, chain: tuple[str, str, str]) -> str:
-    """Name of the parameter that bends a chain of three landmarks; empty if none does by itself."""
+    """Name of the parameter that bends a chain of three landmarks; empty if no single one does."""
     if not set(chain) <= set(body.landmark_names):
         return ""
     before, hinge, behind = (body.landmarks[body.landmark_names.index(name)] for name in chain)

@@ -1,4 +1,4 @@
-"""A result against a marker system: where its clock and world lie, and how far angles and joints are apart."""
+"""A result against a marker system: offset of its clock and world, and differences of angles and joints."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class JointErrors:
 
     p95_mm: float
     beside_mm: float
-    """How far its centre lies from the middle of its markers, always to the same side seen from the limb."""
+    """Distance of its centre from the middle of its markers, constant in the axes of the limb."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class MarkerComparison:
     """(T, J) of the joints of the set."""
 
     findings: tuple[str, ...]
-    """What a reader must not overlook."""
+    """Warnings."""
 
     @property
     def n_compared(self) -> int:
@@ -119,9 +119,9 @@ def compare(
     Args:
         result: folder of a run, or of a smoothed one.
         markers: `.trc` or `.c3d`.
-        marker_set: which markers make which joint.
-        person: whom the markers were on; None where there is one only.
-        offset_s: marker time minus video time where known within a tenth of a second; None to find it.
+        marker_set: markers of each joint.
+        person: who wore the markers; None if there is only one.
+        offset_s: marker time minus video time, if known within a tenth of a second; None to find it.
 
     Raises:
         SequenceError: files are missing or damaged, or do not show the same movement.
@@ -160,18 +160,18 @@ def compare(
 
 
 def _of_recording(recording: Markers) -> tuple[str, ...]:
-    """What its file did not give, and names of several markers, which the set did not ask for."""
+    """Remarks of its file, and unused names of several markers."""
     repeated = [name for name, number in Counter(recording.names).items() if number > 1]
-    told = f"several markers are called the same, and are not used: {', '.join(map(shortened, repeated[:_MOST_SHOWN]))}"
+    told = f"several markers have the same name, and are not used: {', '.join(map(shortened, repeated[:_MOST_SHOWN]))}"
     return (*recording.remarks, told) if repeated else recording.remarks
 
 
 _MOST_SHOWN = 10
-"""Names of a finding."""
+"""Largest number of names in a finding."""
 
 
 def _chains(chosen: MarkerSet, joints: Joints) -> dict[str, tuple[str, str, str]]:
-    """Name -> three joints of every angle that can be compared: the body's hinges, then the set's own."""
+    """Name -> three joints of every comparable angle: the body's hinges, then the set's own."""
     return {f"{name}_flexion": chain for name, chain in _hinges(chosen, joints).items()} | chosen.angles
 
 
@@ -207,12 +207,12 @@ def _joint(name: str, gaps_mm: Array, beside_mm: Array) -> JointErrors:
     return JointErrors(name, len(gap), float(distance.mean()), float(removed.mean()), p95, beside)
 
 
-# A comparison says so when time, direction or place are known worse than this, or when a joint lies farther beside its
-# markers than flesh is thick: such errors are as large as what is to be measured.
+# A comparison warns if time, direction or position are known worse than this, or if a joint lies farther beside its
+# markers than flesh is thick: such errors are as large as those to be measured.
 _VAGUE_S, _VAGUE_DEG, _VAGUE_MM, _BESIDE_MM = 0.01, 2.0, 20.0, 40.0
 
 _APART_MM = 50.0
-"""Right tracks lie 12 to 40 mm from their markers, and from those of another moment 46 and more."""
+"""Right tracks lie 12 to 40 mm from their markers, and 46 mm or more from those of another moment."""
 
 _DECIDING = 0.6
 """Two thirds are right where one arm is wrong."""
@@ -233,12 +233,12 @@ def _with_findings(made: MarkerComparison) -> MarkerComparison:
         )
     if told.placement.median_mm > _APART_MM:
         said.append(
-            f"joints and markers lie {told.placement.median_mm:.0f} mm apart in the middle: the track is wrong, or the "
+            f"joints and markers lie {told.placement.median_mm:.0f} mm apart (median): the track is wrong, or the "
             "alignment is: see whether the curves of the angles agree"
         )
     if told.placement.deciding < _DECIDING:
         share = 100 * told.placement.deciding
-        said.append(f"only {share:.0f} % of the joints fit the alignment: the others are elsewhere than their markers")
+        said.append(f"only {share:.0f} % of the joints fit the alignment: the others are away from their markers")
     far = [f"{joint.name} {joint.beside_mm:.0f} mm" for joint in made.joints if joint.beside_mm > _BESIDE_MM]
     if far:
         said.append(f"lies far beside its markers: {', '.join(far)}: check the marker set")
@@ -248,23 +248,23 @@ def _with_findings(made: MarkerComparison) -> MarkerComparison:
     return replace(made, findings=tuple(said))
 
 
-# What a comparison with markers leaves: a table of every frame, diagrams, a page that needs no other file.
+# Files of a comparison with markers: a table of every frame, diagrams, a self-contained page.
 
 _OURS, _MARKERS, _GAP = "#2a6f85", "#1d2733", "#c2571a"
 _DOUBT = {"lost": "#d9534f", "doubtful": "#e39b2d", "ambiguous": "#f2c464"}
-"""How frames are shaded in which the result itself is not sure."""
+"""Shade of frames in which the result itself is not sure."""
 
 _USUAL_DEG = 10.0
-"""Differences of angles are drawn at least to so much on both sides: noise does not look like an error."""
+"""Least range of differences of angles in a diagram: noise does not look like an error."""
 
 
 def write_comparison(made: MarkerComparison, folder: Path, sources: tuple[str, str, str]) -> tuple[Path, ...]:
     """Writes `comparison.html`, `.csv`, `.json` and `.png`.
 
     Args:
-        made: what was compared.
-        folder: where to, it exists.
-        sources: result, markers and marker set, as they were given.
+        made: the comparison.
+        folder: place of the files; it exists.
+        sources: paths of result, markers and marker set.
 
     Returns:
         The files.
@@ -281,12 +281,12 @@ def write_comparison(made: MarkerComparison, folder: Path, sources: tuple[str, s
 
 
 def comparison_files(folder: Path) -> tuple[Path, ...]:
-    """What `write_comparison` writes there: page, table, values and picture."""
+    """Files of `write_comparison` in a folder: page, table, values and picture."""
     return tuple(folder / f"comparison.{kind}" for kind in ("html", "csv", "json", "png"))
 
 
 def _rows(made: MarkerComparison) -> list[list[object]]:
-    """The table of every frame, its header first; what is unknown is empty."""
+    """The table of every frame, its header first; unknown values are empty."""
     angles = [angle.name for angle in made.angles]
     head: list[object] = ["frame", "time_s", "marker_time_s", "status"]
     head += [column for name in angles for column in (f"{name}_deg", f"{name}_markers_deg", f"{name}_difference_deg")]
@@ -345,7 +345,7 @@ def distance_figure(made: MarkerComparison) -> Figure:
 
 
 def _shaded(axes: tuple[Axes, ...], made: MarkerComparison) -> None:
-    """Frames in which the result itself is not sure."""
+    """Shades the frames in which the result itself is not sure."""
     times_s = made.track.motion.times_s
     half: Array = np.gradient(times_s) / 2
     for axis in axes:

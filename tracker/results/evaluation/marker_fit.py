@@ -14,17 +14,17 @@ from tracker.results.evaluation.marker_set import MarkerJoints
 from tracker.results.evaluation.time_correlation import Clocked, offsets_by_angles
 
 FAR_M = 0.15
-"""Beyond it a sample says only that it does not fit; half of an upper arm."""
+"""Distance beyond which a sample only says that it does not fit, metres; half of an upper arm."""
 
 _N_DRAWS = 300
-"""Of three samples each: 1 - 1e-17 that one of them is right though half of the samples are wrong."""
+"""Draws of three samples each: with probability 1 - 1e-17 one of them is right though half of the samples are wrong."""
 
 _N_JUDGES = 600
-"""Samples by which the draws are ranked."""
+"""Samples that rank the draws."""
 
 
 def by_triples(mine: Array, other: Array) -> tuple[Array, Array]:
-    """Rotation and translation that most samples agree with, of random triples (the same in every call)."""
+    """Rotation and translation that most samples support, of random triples (the same in every call)."""
     rng = np.random.default_rng(0)
     judges = rng.choice(len(mine), min(_N_JUDGES, len(mine)), replace=False)
     best: tuple[float, Array, Array] = np.inf, np.eye(3), np.zeros(3)
@@ -40,52 +40,52 @@ def by_triples(mine: Array, other: Array) -> tuple[Array, Array]:
 
 
 _LEAST_SAMPLES = 6
-"""Joints in frames; seven unknowns have twice as many coordinates and more."""
+"""Least number of joints in frames; seven unknowns have at least twice as many coordinates."""
 
 NOISE_M = 0.003
 """Distances below the noise of markers on cloth do not rank one sample above another."""
 
 _NEAR = 2.0
-"""Medians of the distance within which a sample counts as one that decided."""
+"""Samples within this many medians of the distance count as deciding."""
 
 _TAILS = 3.0
-"""Degrees of freedom of Student's distribution of a joint's samples: an arm may be lost for a while only."""
+"""Degrees of freedom of Student's distribution of a joint's samples: an arm may be lost for a while."""
 
 _MEDIAN_OF_THREE = 2.366
-"""Of the sum of the squares of three normal deviates (chi square)."""
+"""Median of the sum of the squares of three normal deviates (chi square)."""
 
 _LOST_M = 0.06
-"""Standard deviation, in each direction, above which a joint says nothing, if three others are three times as steady.
-An arm turned about its shoulder by 30 to 170 degrees still drew the rotation by 0.03 degrees along."""
+"""Standard deviation, in each direction, above which a joint counts for nothing, if three others are three times as
+steady. An arm turned about its shoulder by 30 to 170 degrees still shifted the rotation by 0.03 degrees."""
 
 _BESIDE_TAILS = 2.0
-"""The same of how far joints lie beside their markers: where a body's pelvis is, no marker set says (80 mm)."""
+"""The same for distances of joints from their markers: no marker set shows where a body's pelvis is (80 mm)."""
 
 _BESIDE_M = 0.015
 """Standard deviation of a joint's centre about the middle of its markers, in each direction: half a wrist."""
 
 _INDEPENDENT = 10
-"""Moments of a recording that say something of their own about how far a joint lies beside its markers."""
+"""Moments of a recording with independent information about a joint's distance from its markers."""
 
 _N_STEPS = 100
-"""Of the robust fit; it takes fifteen to sixty, more only where an arm is wrong for a while."""
+"""Largest number of steps of the robust fit; it takes fifteen to sixty, more only if an arm is wrong for a while."""
 
 _STILL = 1e-6
 """Radians, metres and seconds below which a step of the fit has ended."""
 
 REACH_S = 0.5
-"""A fit changes the time by at most so much: on a track with a lost arm, angles have told it to 0.3 s."""
+"""Largest change of the time by a fit: on a track with a lost arm, angles have given it to 0.3 s."""
 
 _STRIDE_S = 0.05
-"""Most that one step changes it: how markers move is known near by only."""
+"""Largest change by one step: the markers' movement is linear only nearby."""
 
 
 @dataclass(frozen=True)
 class Placement:
-    """How the marker system's clock and world lie to ours: ``t_marker = t + offset``, ``x_marker = R x + t``."""
+    """The marker system's clock and world against ours: ``t_marker = t + offset``, ``x_marker = R x + t``."""
 
     offset_s: float
-    """What the marker clock shows more than ours, seconds."""
+    """Time of the marker clock minus ours, seconds."""
 
     rotation: Array
     """(3, 3) marker world from ours."""
@@ -97,10 +97,10 @@ class Placement:
     """(J, C) our joint centre minus the middle of its markers, in the axes that turn with them and with the bone."""
 
     median_mm: float = float("nan")
-    """Distance of the joints of both, in the middle."""
+    """Median distance between the joints of both, millimetres."""
 
     deciding: float = float("nan")
-    """Share of the samples that decided: those within two medians."""
+    """Share of the deciding samples: those within two medians."""
 
     n_samples: int = 0
     """Joints in frames that both have."""
@@ -137,7 +137,7 @@ class _Samples:
 
 
 def placed(ours: Clocked, theirs: MarkerJoints, near_s: float, reach_s: float = REACH_S) -> Placement | None:
-    """Motion and offset of least robust distance near an offset; None where too little is seen by both."""
+    """Motion and offset of least robust distance near an offset; None if both share too little."""
     found = _samples(ours, theirs, near_s)
     if len(found.mine) < _LEAST_SAMPLES:
         return None
@@ -147,21 +147,21 @@ def placed(ours: Clocked, theirs: MarkerJoints, near_s: float, reach_s: float = 
 
 
 def refined(ours: Clocked, theirs: MarkerJoints, start: Placement, reach_s: float = REACH_S) -> Placement | None:
-    """Maximum likelihood of twist, time, and where each joint lies beside its markers, with a spread for each joint.
+    """Maximum likelihood of twist, time, and each joint's place beside its markers, with a spread for each joint.
 
-    A joint's samples follow Student's distribution about their place, with a spread that is found as well (EM: Lange,
-    Little and Taylor, JASA 1989). A limb in a wrong place says little, then, however near it is, and a joint that is
-    far beside its markers, but always alike, much. With one scale for all samples an arm that was carried off drew
-    the alignment up to 12 deg and 78 mm along; 1.5 deg and 14 mm since: docs/lab/marker_alignment.md.
+    A joint's samples follow Student's distribution about their place, with an estimated spread (EM: Lange, Little and
+    Taylor, JASA 1989). A limb in a wrong place then counts little, however near it is; a joint that is far beside its
+    markers, but constantly so, counts much. With one scale for all samples a displaced arm shifted the alignment by up
+    to 12 deg and 78 mm; with these by 1.5 deg and 14 mm: docs/lab/marker_alignment.md.
 
     Args:
         ours: (T, J) joints of a track.
         theirs: the same joints of markers.
-        start: where to begin.
-        reach_s: most that the offset changes, seconds.
+        start: initial placement.
+        reach_s: largest change of the offset, seconds.
 
     Returns:
-        The placement; None where too little is seen by both.
+        The placement; None if both share too little.
     """
     near_s, now = start.offset_s, start
     variances: Array | None = None
@@ -207,9 +207,9 @@ def _residual(found: _Samples, now: Placement) -> Array:
 
 
 def _variances(found: _Samples, residual: Array, before: Array | None, beside_m: Array) -> Array:
-    """(J,) square metres, in each direction, of the joints' samples, not below the markers' noise.
+    """(J,) variance of the joints' samples in each direction, square metres, at least the markers' noise.
 
-    At first about the place beside the markers where each joint mostly is: one that is far beside them counts, too.
+    At first about each joint's usual place beside its markers: a joint far beside them counts, too.
     """
     variances = np.full(len(beside_m), FAR_M**2)
     square = (residual**2).sum(axis=1)
@@ -228,13 +228,13 @@ def _variances(found: _Samples, residual: Array, before: Array | None, beside_m:
 
 
 def _share(square: Array, variance: Array) -> Array:
-    """What a sample counts beside one in the middle of its joint's distribution."""
+    """Weight of a sample against one in the middle of its joint's distribution."""
     share: Array = (_TAILS + 3) / (_TAILS + square / variance)
     return share
 
 
 def _weights(found: _Samples, residual: Array, variances: Array, n_frames: int) -> Array:
-    """(N,) roots of what the samples weigh, 1/m."""
+    """(N,) roots of the samples' weights, 1/m."""
     variance = variances[found.joint]
     # Samples of one joint err alike for a while: all of a recording weigh as `_INDEPENDENT` moments do.
     alike = min(1.0, _INDEPENDENT / n_frames)
@@ -245,7 +245,7 @@ def _weights(found: _Samples, residual: Array, variances: Array, n_frames: int) 
 
 
 def _step(found: _Samples, now: Placement, shifts: tuple[bool, ...], residual: Array, weight: Array) -> Array:
-    """(7 + J C,) rotation vector, translation, offset and shifts that lessen the weighted distances most."""
+    """(7 + J C,) rotation vector, translation, offset and shifts that reduce the weighted distances most."""
     n_joints, n_axes = now.beside_m.shape
     jacobian = np.zeros((len(residual), 3, 7 + n_joints * n_axes))
     turned = found.mine @ now.rotation.T
@@ -270,51 +270,51 @@ def _step(found: _Samples, now: Placement, shifts: tuple[bool, ...], residual: A
 
 
 _LEAST_JOINTS = 3
-"""Fewer do not tell how the worlds are turned."""
+"""Fewer do not show the turn between the worlds."""
 
 _NEARLY = 1.5
-"""Of the distance in the middle: what another push-up may have."""
+"""Times the median distance: another push-up may have as much."""
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """A placement, and how well it is known."""
+    """A placement, and its uncertainty."""
 
     placement: Placement
 
     correlation: float
-    """Of the flexion angles at the offset that they proposed; NaN where the offset was given."""
+    """Correlation of the flexion angles at the offset that they proposed; NaN if the offset was given."""
 
     rival_offset_s: float
     """Another offset that fits nearly as well, as with periodic movement; NaN if none does."""
 
     offset_sigma_s: float
-    """Standard error by leaving out one joint after another: what is wrong with one joint is in it."""
+    """Standard error by leaving out one joint after another: it includes a fault of one joint."""
 
     rotation_sigma_deg: float
     """The same of the rotation."""
 
     position_sigma_mm: float
-    """The same of where the middle of all joints comes to lie."""
+    """The same of the position of the joints' middle."""
 
 
 def align(
     ours: Clocked, theirs: MarkerJoints, hinges: list[tuple[int, int, int]], offset_s: float | None = None
 ) -> Alignment:
-    """Finds how a marker recording lies to a track of the same movement.
+    """Finds the position of a marker recording against a track of the same movement.
 
-    The time is proposed by correlating the flexion of hinges, which no frame of reference changes. From each proposal
-    a rigid motion is found by random triples of samples, then motion and time together with weights that let a lost
-    arm count for nothing. The proposal that fits best is taken.
+    The correlation of the hinges' flexion, which no frame of reference changes, proposes the time. For each proposal,
+    random triples of samples give a rigid motion; a fit then refines motion and time together, with weights that ignore
+    a lost arm. The best proposal wins.
 
     Args:
         ours: joints of the track.
         theirs: the same joints, from markers.
         hinges: columns of the joint before, the hinge, and the joint behind.
-        offset_s: the offset where it is known within a tenth of a second; None to find it.
+        offset_s: the offset if it is known within a tenth of a second; None to find it.
 
     Raises:
-        SequenceError: nothing in common, or movement that tells no offset.
+        SequenceError: nothing in common, or a movement that shows no offset.
     """
     n_joints = ours.points.shape[1]
     if n_joints < _LEAST_JOINTS:
@@ -341,24 +341,24 @@ def align(
 
 
 def _worth_mm(fit: Placement, most: int) -> float:
-    """The distance in the middle; one of few samples is worth less: half a recording fits in more places than all."""
+    """Cost: the median distance; few samples cost more, because half a recording fits in more places."""
     return fit.median_mm * most / fit.n_samples
 
 
 _GIVEN_S = 0.15
-"""An offset that is given is known so well."""
+"""Accuracy of a given offset, seconds."""
 
 _SAME_S = 0.1
-"""Fits closer together are one: proposals run into the same."""
+"""Fits closer together are one: several proposals lead to it."""
 
 _INSIDE = 0.999
-"""Of the reach: a fit that ends at the end of it has not ended."""
+"""Share of the reach: a fit that ends at its limit has not converged."""
 
 
 def _errors(best: Placement, ours: Clocked, theirs: MarkerJoints) -> tuple[float, float, float]:
     """Standard errors of offset (s), rotation (deg) and position (mm), by the jackknife over joints.
 
-    Samples of one joint are not independent of one another; joints nearly are.
+    Samples of one joint depend on one another; joints hardly do.
     """
     n_joints = ours.points.shape[1]
     middle = np.nanmean(ours.points, axis=(0, 1))

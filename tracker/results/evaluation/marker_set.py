@@ -1,4 +1,4 @@
-"""Which markers make which joint, and the frames in which the joint may lie beside their middle."""
+"""The marker set: markers of each joint, and the axes in which the joint may lie beside their middle."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from tracker.results.evaluation.time_correlation import Clocked
 from tracker.results.markers import Markers
 
 _COLLINEAR = 0.3
-"""Sine of the angle below which a second direction does not tell how a joint is turned about the first."""
+"""Sine of the angle below which a second direction does not show a joint's turn about the first."""
 
 
 _SEGMENT = "_4X4"
-"""What programs that write rotations put behind the name of a segment."""
+"""Ending of segment names by programs that write rotations."""
 
 
 class MarkerSet(Entry):
     """A marker set file."""
 
     joints: dict[str, tuple[str, ...]]
-    """Joint of the body -> the markers whose middle is near its centre, best a pair on both sides of it."""
+    """Joint of the body -> its markers, whose middle is near its centre; best a pair on both sides of it."""
 
     angles: dict[str, tuple[str, str, str]] = pydantic.Field(default_factory=dict)
     """Further angles to compare: name -> three joints, the angle between the bones from the first to the last; the
     hinges of the body's model file are compared anyway."""
 
     unit: Literal["m", "dm", "cm", "mm", "in", "ft"] | None = None
-    """Of the recording's lengths, where its file does not say it, or says another one."""
+    """Unit of the recording's lengths, if its file has none or a wrong one."""
 
 
 @dataclass(frozen=True)
@@ -45,15 +45,15 @@ class MarkerJoints(Clocked):
     """Joints made of markers."""
 
     frames: Array
-    """(T, J, 3, C) axes (columns) in which a joint may keep a place beside its markers, in the marker world: three
-    that turn with the markers (of a joint of one marker the world's), and three more, where hinges are known, of the
-    bone that ends there, which pronation does not turn; zeros where none does."""
+    """(T, J, 3, C) axes (columns) in which a joint may keep a place beside its markers, in the marker world. Three turn
+    with the markers (for a joint of one marker they are the world's). Three more, where hinges are known, turn with the
+    bone that ends there, which pronation does not turn; zeros elsewhere."""
 
     shifts: tuple[bool, ...]
     """(J,) whether the frame turns, so that a constant distance of the joint from its markers' middle can show."""
 
     def frames_at(self, times_s: Array) -> Array:
-        """(T', J, 3, C) in between, linear: they are nearly axes."""
+        """(T', J, 3, C) interpolated linearly: they are nearly axes."""
         n_joints, n_axes = self.points.shape[1], self.frames.shape[-1]
         between = Clocked(self.times_s, self.frames.reshape(len(self.times_s), -1, n_axes)).at(times_s)
         return between.reshape(-1, n_joints, 3, n_axes)
@@ -68,7 +68,8 @@ def load_marker_set(path: Path) -> MarkerSet:
     """Reads a marker set file.
 
     Raises:
-        ConfigError: it is missing, no TOML, has other keys than `joints`, `angles` and `unit`, or names a marker twice.
+        ConfigError: it is missing, not TOML, has other keys than `joints`, `angles` and `unit`, or names a marker
+            twice.
     """
     table: dict[str, Any] = toml_of(path, ConfigError, "the marker set")
     try:
@@ -89,10 +90,10 @@ def load_marker_set(path: Path) -> MarkerSet:
 
 
 def check_marker_set(markers: MarkerSet, path: Path, recording: Markers, joints: Iterable[str]) -> None:
-    """Whether a recording has the markers, and the body the joints, that a set names.
+    """Checks that a recording has the markers, and the body the joints, of a set.
 
     Raises:
-        ConfigError: one is missing; the nearest valid name is told.
+        ConfigError: one is missing; the message names the nearest valid one.
     """
     valid = tuple(joints)
     for joint, names in markers.joints.items():
@@ -110,12 +111,12 @@ def check_marker_set(markers: MarkerSet, path: Path, recording: Markers, joints:
 
 
 def column(name: str, path: Path, recording: Markers) -> int:
-    """Where a marker stands in the recording.
+    """Column of a marker in the recording.
 
     `LELB` is found also as `Anna:LELB`, as Vicon names it, and `pelvis` as `pelvis_4X4`, as Theia names a segment.
 
     Raises:
-        ConfigError: it is not there, several markers are called so, or several subjects have it.
+        ConfigError: it is missing, or several markers or subjects have the name.
     """
     spelt = (name, f"{name}{_SEGMENT}")
     ways = [[k for k, own in enumerate(recording.names) if own == one] for one in spelt]
@@ -129,8 +130,8 @@ def column(name: str, path: Path, recording: Markers) -> int:
     owners = list(dict.fromkeys(recording.names[k] for k in found))
     if len(owners) < len(found):
         raise ConfigError(
-            f'{path} [joints]: {len(found)} markers of the recording are called "{name}", which one is meant? Rename '
-            "the others in the program that wrote it, or leave the joint out of the set"
+            f'{path} [joints]: {len(found)} markers of the recording are called "{name}": rename the others '
+            "in the program that wrote it, or leave the joint out of the set"
         )
     raise ConfigError(f'{path} [joints]: "{name}" is a marker of several subjects: write one of {", ".join(owners)}')
 
@@ -143,7 +144,7 @@ def joints_of(
     Args:
         markers: the set, checked.
         path: of its file, for messages.
-        recording: where the markers were.
+        recording: positions of the markers.
         hinges: columns of the joint before, the hinge, and the joint behind, where bones end.
     """
     own = [[column(name, path, recording) for name in names] for names in markers.joints.values()]
@@ -160,10 +161,10 @@ def joints_of(
 
 
 def _bones(middles: Array, frames: Array, hinges: list[tuple[int, int, int]]) -> list[Array]:
-    """Axes (T, J, 3, 3) of the bones behind hinges, which have the hinge's pair of markers across; none without hinges.
+    """Axes (T, J, 3, 3) of the bones behind hinges, with the hinge's pair of markers across; empty without hinges.
 
-    Skin drags a wrist's markers along as the forearm turns, by 2 mm: its centre keeps its place partly in their axes
-    and partly in the bone's. With theirs alone a body without an arm was 0.30 and 0.38 deg off, now 0.25 and 0.28:
+    Skin drags a wrist's markers along as the forearm turns, by 2 mm: its centre moves partly with them and partly with
+    the bone. With the markers' axes alone a body without an arm was 0.30 and 0.38 deg off, now 0.25 and 0.28:
     docs/lab/marker_alignment.md.
     """
     if not hinges:
@@ -178,10 +179,10 @@ def _bones(middles: Array, frames: Array, hinges: list[tuple[int, int, int]]) ->
 
 
 def _frames(markers: Array, others: Array) -> Array | None:
-    """Axes (T, 3, 3) from the first two markers of a joint and what keeps its distance to both; None if there is none.
+    """Axes (T, 3, 3) from a joint's first two markers and a point at fixed distances from both; None without one.
 
     Args:
-        markers: (T, n, 3) those of the joint.
+        markers: (T, n, 3) of the joint.
         others: (T, m, 3) the other joints.
     """
     if markers.shape[1] < 2:

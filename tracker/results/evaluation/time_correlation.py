@@ -1,4 +1,4 @@
-"""When two recordings of a movement show the same: their flexion angles are correlated, which needs no frame."""
+"""Time offset of two recordings of a movement: their flexion angles are correlated, which needs no common frame."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.errors import SequenceError
 
 _RATE_HZ = 100.0
-"""Of the common clock; the fit that follows refines the time, so that half a sample suffices by far."""
+"""Rate of the common clock; the next fit refines the time, so half a sample is more than enough."""
 
 _MOST_SAMPLES = 400_000
-"""An hour at that rate; longer recordings are sampled less often."""
+"""Largest number of samples: an hour at that rate; longer recordings are sampled less often."""
 
 _LEAST_TURN_DEG = 2.0
-"""Standard deviation of an angle that says something about time: twice the noise of markers."""
+"""Standard deviation from which on an angle counts: twice the noise of markers."""
 
 _LEAST_SHARED = 0.5
 """Share of the shorter recording that both must cover."""
 
 _LEAST_CORRELATION = 0.5
-"""Below it nobody can say that both show the same movement."""
+"""Correlation below which the movements may differ."""
 
 _MOST_PROPOSALS = 4
-"""Of each angle, and of their mean: a periodic movement has several."""
+"""Proposals of each angle, and of their mean: a periodic movement has several."""
 
 _APART_S = 0.1
-"""Proposals closer together than this are one: the fit reaches as far."""
+"""Proposals closer together than this are one: the fit reaches that far."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Clocked:
     """(T, J, 3) metres, NaN where missing."""
 
     def at(self, times_s: Array) -> Array:
-        """(T', J, 3) in between, linear; NaN outside and in gaps."""
+        """(T', J, 3) interpolated linearly; NaN outside and in gaps."""
         return _between(self.times_s, self.points, times_s)
 
     def velocities_at(self, times_s: Array) -> Array:
@@ -52,7 +52,7 @@ class Clocked:
 
 
 def _between(known_s: Array, values: Array, times_s: Array) -> Array:
-    """Linear interpolation (T', ...) that leaves gaps as gaps, and frames that were left out too."""
+    """Linear interpolation (T', ...) that leaves gaps and missing frames open."""
     k = np.clip(np.searchsorted(known_s, times_s, side="right") - 1, 0, len(known_s) - 2)
     span = known_s[k + 1] - known_s[k]
     weight = ((times_s - known_s[k]) / span).reshape(-1, *(1,) * (values.ndim - 1))
@@ -65,7 +65,7 @@ def _between(known_s: Array, values: Array, times_s: Array) -> Array:
 
 
 _LEFT_OUT = 2.5
-"""Usual intervals between two samples that are no neighbours."""
+"""Samples are not neighbours beyond this many usual intervals."""
 
 
 def flexions(points: Array, hinges: list[tuple[int, int, int]]) -> Array:
@@ -85,7 +85,7 @@ def flexions(points: Array, hinges: list[tuple[int, int, int]]) -> Array:
 
 
 def offsets_by_angles(ours: Clocked, theirs: Clocked, hinges: list[tuple[int, int, int]]) -> list[tuple[float, float]]:
-    """Proposals of how far the second clock is ahead.
+    """Proposals for the lead of the second clock.
 
     Args:
         ours: a track.
@@ -105,7 +105,7 @@ def offsets_by_angles(ours: Clocked, theirs: Clocked, hinges: list[tuple[int, in
     moving = [pair for pair in pairs if all(_turns(curve) for curve in pair)]
     if not moving:
         raise SequenceError(
-            f"no hinge turns by {_LEAST_TURN_DEG:g} degrees in both recordings: angles tell no time, give --offset"
+            f"no hinge turns by {_LEAST_TURN_DEG:g} degrees in both recordings: angles show no offset, give --offset"
         )
     curves = np.array([_correlations(*pair) for pair in moving])
     lags = np.arange(curves.shape[1]) - (len(pairs[0][0]) - 1)
@@ -139,7 +139,7 @@ def _turns(curve: Array) -> bool:
 
 
 def _correlations(ours: Array, theirs: Array) -> Array:
-    """Pearson's coefficient at every lag, over the samples that both know; -1 where they share too few.
+    """Pearson's coefficient at every lag, over the samples of both; -1 if they share too few.
 
     Masked normalized correlation (Padfield, CVPR 2010).
     """
@@ -170,7 +170,7 @@ def _slid(theirs: Array, ours: Array) -> Array:
 
 
 def _peaks(curve: Array) -> list[int]:
-    """Places of the highest local maxima, the ends included."""
+    """Indices of the highest local maxima, ends included."""
     found, _ = find_peaks(np.concatenate([[-2.0], curve, [-2.0]]))
     ranked = sorted((found - 1).tolist(), key=lambda k: -float(curve[k]))
     return [k for k in ranked if curve[k] > 0][:_MOST_PROPOSALS]

@@ -1,4 +1,4 @@
-"""Files of marker systems, told apart by their content; one reader for whoever needs them."""
+"""Files of marker systems, recognized by their content; one reader for all."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tracker.results.marker_layouts.trc import read_trc
 from tracker.results.markers import Markers, check_size
 
 _HEAD_BYTES = 2000
-"""In which a file says what it is; OpenSim's tables end their header there."""
+"""Bytes that identify a file; OpenSim's tables end their header within them."""
 
 _OTHERS = {
     "no_of_frames": "a TSV export of Qualisys Track Manager",
@@ -20,7 +20,7 @@ _OTHERS = {
     "hierarchy": "a BVH file, a skeleton that moves",
     "<?xml": "an XML file",
 }
-"""How other files of motion begin."""
+"""First bytes of other motion files."""
 
 
 def read_markers(path: Path, unit: str | None = None) -> Markers:
@@ -28,7 +28,7 @@ def read_markers(path: Path, unit: str | None = None) -> Markers:
 
     Args:
         path: of the file.
-        unit: of its lengths, m, dm, cm, mm, in or ft; None for the one that the file says.
+        unit: of its lengths, m, dm, cm, mm, in or ft; None for the file's own.
 
     Raises:
         SequenceError: the file is missing, damaged, of another kind, or in another unit than it says.
@@ -48,7 +48,7 @@ def read_markers(path: Path, unit: str | None = None) -> Markers:
     other = next((name for sign, name in _OTHERS.items() if text.startswith(sign)), None)
     if other is None and "endheader" in text:
         other = "a table of OpenSim (.mot, .sto)"
-    raise SequenceError(f"{path}: {other or 'no file of markers'}, expected TRC or C3D: export it as such")
+    raise SequenceError(f"{path}: {other or 'not a file of markers'}, expected TRC or C3D: export it as such")
 
 
 def _checked(path: Path, recording: Markers) -> Markers:

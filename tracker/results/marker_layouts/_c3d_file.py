@@ -1,8 +1,8 @@
-"""A C3D file as it lies on disk: header, parameters, and numbers in the order of three processors.
+"""A C3D file on disk: header, parameters, and numbers in the formats of three processors.
 
-Read here rather than by a library: ezc3d ends the process with one damaged file in a hundred; the package c3d refuses
-files whose header and parameters differ (Optotrak's do) and whose events or parameters are unusual, and knows no
-rotations. Sources: the user manual of c3d.org, and what OptiTrack, NDI, Theia, Vicon and Kistler write.
+It has a reader of its own: ezc3d ends the process with one damaged file in a hundred; the package c3d refuses files
+whose header and parameters differ (Optotrak's do) or with unusual events or parameters, and knows no rotations.
+Sources: the user manual of c3d.org, and files of OptiTrack, NDI, Theia, Vicon and Kistler.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ _MARK = 0x50
 """Second byte of every C3D file, and of its parameters."""
 
 _TEXT = -1
-"""Kind of a parameter; another is the number of bytes of its numbers, of which four or more are no whole ones."""
+"""Kind of a text parameter; another kind is the number of bytes of its numbers, and four or more are not whole."""
 
 
 @dataclass(frozen=True)
 class Numbers:
-    """How a processor writes them."""
+    """Number format of a processor."""
 
     processor: int
 
     @property
     def order(self) -> str:
-        """Of the bytes, as numpy calls it."""
+        """Byte order in numpy's notation."""
         return ">" if self.processor == _MIPS else "<"
 
     def whole(self, content: Bytes, n_bytes: int = 2, signed: bool = False) -> Array:
@@ -46,7 +46,7 @@ class Numbers:
         return content.view(kind).astype(np.float64)
 
     def floats(self, content: Bytes) -> Array:
-        """Numbers of four bytes; those of DEC have their halves exchanged, and another exponent."""
+        """Numbers of four bytes; DEC exchanges their halves, and has another exponent."""
         if self.processor == _DEC:
             return np.ascontiguousarray(content.view("<u2").reshape(-1, 2)[:, ::-1]).view("<f4")[:, 0] / 4.0
         return content.view(f"{self.order}f4").astype(np.float64)
@@ -59,7 +59,7 @@ class _Parameter:
     content: Bytes
 
     def texts(self) -> tuple[str, ...]:
-        """Without the blanks that fill them up."""
+        """Texts without trailing blanks."""
         width = self.sizes[0] if self.sizes else 1
         if self.kind != _TEXT or not width:
             return ()
@@ -87,7 +87,7 @@ class C3dFile:
     rate_hz: float
 
     def texts(self, name: str) -> tuple[str, ...]:
-        """Of a parameter and those that go on with it: one holds 255 texts, NAME2, NAME3 and so on the others."""
+        """Texts of a parameter and its continuations: one holds 255 texts, NAME2, NAME3 and so on the others."""
         found: tuple[str, ...] = ()
         for n in range(1, len(self.parameters) + 1):
             more = self.parameters.get(name if n == 1 else f"{name}{n}")
@@ -97,7 +97,7 @@ class C3dFile:
         return found
 
     def values(self, name: str) -> Array:
-        """(n,) numbers of a parameter, whole ones without a sign; none where there is no such parameter."""
+        """(n,) numbers of a parameter, whole ones unsigned; empty without such a parameter."""
         found = self.parameters.get(name)
         if found is None or found.kind not in (1, 2, 4):
             return np.zeros(0)
@@ -109,13 +109,13 @@ class C3dFile:
         return float(found[0]) if len(found) else otherwise
 
     def count(self, name: str, otherwise: int = 0) -> int:
-        """A number of things of a parameter, 0 or more."""
+        """A parameter that counts things, 0 or more."""
         found = self.value(name, otherwise)
         return max(int(found), 0) if math.isfinite(found) else otherwise
 
 
 def is_c3d(head: bytes) -> bool:
-    """Whether a file that begins so is one: the block of the parameters, and a sign."""
+    """Whether a file with these first bytes is C3D: the block of the parameters, and a sign."""
     return len(head) >= 2 and 0 < head[0] < ord(" ") and head[1] == _MARK
 
 
@@ -123,7 +123,7 @@ def open_c3d(path: Path) -> C3dFile:
     """Reads header and parameters of a file.
 
     Raises:
-        SequenceError: it is no C3D file, or ends within them.
+        SequenceError: it is not a C3D file, or ends within them.
     """
     try:
         content = np.fromfile(path, np.uint8)
@@ -158,7 +158,7 @@ def open_c3d(path: Path) -> C3dFile:
 
 
 def _parameters(content: Bytes, at: int, numbers: Numbers) -> dict[str, _Parameter]:
-    """All up to the last one, or to where the list breaks off; the first of two of one name."""
+    """All parameters up to the last one, or to a broken list; of two with one name the first."""
     groups: dict[int, str] = {}
     found: list[tuple[int, str, _Parameter]] = []
     while at + 4 < len(content):
@@ -179,7 +179,7 @@ def _parameters(content: Bytes, at: int, numbers: Numbers) -> dict[str, _Paramet
 
 
 def _parameter(content: Bytes, at: int) -> _Parameter | None:
-    """One, None where it ends behind the file."""
+    """One parameter; None if it ends behind the file."""
     if at + 2 > len(content):
         return None
     kind, n_sizes = int(content[at : at + 1].view(np.int8)[0]), int(content[at + 1])
@@ -192,7 +192,7 @@ def _parameter(content: Bytes, at: int) -> _Parameter | None:
 
 
 def _text(content: bytes) -> str:
-    """Up to a NUL, in UTF-8 or an 8-bit code."""
+    """Text up to a NUL, in UTF-8 or an 8-bit code."""
     content = content.partition(b"\0")[0]
     try:
         return content.decode("utf-8").strip()
@@ -204,20 +204,21 @@ def _text(content: bytes) -> str:
 
 # By the format.
 _POINT_NUMBERS = 4
-"""x, y, z, and one of residual and cameras, which is negative where the point was not seen."""
+"""Numbers of a point: x, y, z, and one of residual and cameras, negative for a hidden point."""
 
 _ROTATION_NUMBERS, _ORIGIN = 17, slice(12, 15)
-"""A 4x4 matrix column by column, and its reliability, negative where the segment was not seen."""
+"""Numbers of a segment: a 4x4 matrix column by column, and its reliability, negative for a hidden segment."""
 
 _MOST_COUNTED = 2**16 - 1
-"""POINT:FRAMES and the header count frames in two bytes; files of more say this, and tell the number elsewhere."""
+"""POINT:FRAMES and the header count frames in two bytes; this value marks files with more, which have the number
+elsewhere."""
 
 
 def points_of(file: C3dFile, n_points: int, rate_hz: float) -> tuple[Array, tuple[str, ...]]:
     """Points (T, M, 3) in the file's unit, NaN where one was not seen, and remarks.
 
     Raises:
-        SequenceError: the file has fewer frames than it says, or does not say where and how they are written.
+        SequenceError: the file has fewer frames than it says, or does not describe its data.
     """
     scale, start = _scale(file), _data_start(file)
     whole = scale > 0
@@ -238,11 +239,11 @@ def origins_of(file: C3dFile, n_segments: int, n_frames: int, rate_hz: float) ->
     Args:
         file: the file.
         n_segments: ROTATION:USED.
-        n_frames: of the points; 0 where there are none.
-        rate_hz: of the points; 0 where the file does not say it.
+        n_frames: of the points; 0 without points.
+        rate_hz: of the points; 0 if unknown.
 
     Raises:
-        SequenceError: the file does not say where they are, or has fewer frames than it says.
+        SequenceError: the file does not describe them, or has fewer frames than it says.
     """
     own_rate_hz = file.value("ROTATION:RATE", file.value("ROTATION:RATIO", 1.0) * rate_hz)
     block = file.count("ROTATION:DATA_START", 0 if n_frames else file.data_block)
@@ -262,7 +263,7 @@ def origins_of(file: C3dFile, n_segments: int, n_frames: int, rate_hz: float) ->
 
 
 def n_segments_of(file: C3dFile) -> int:
-    """How many segments it has rotations of."""
+    """Number of segments with rotations."""
     return file.count("ROTATION:USED", len(file.texts("ROTATION:LABELS")))
 
 
@@ -279,12 +280,12 @@ def _long(words: Array) -> int:
 
 
 def _n_frames(file: C3dFile, n_there: int, ended: bool) -> tuple[int, tuple[str, ...]]:
-    """How many frames to read, and remarks: POINT:FRAMES counts, unless it cannot.
+    """Number of frames to read, and remarks: POINT:FRAMES counts, unless it cannot be.
 
     Args:
         file: the file.
-        n_there: as many as its bytes hold.
-        ended: whether it ends with a whole one, as where a recording was stopped early.
+        n_there: number of frames in its bytes.
+        ended: whether it ends with a whole one, as after an early stop.
 
     Raises:
         SequenceError: there are fewer, and the file was cut off.
@@ -308,7 +309,7 @@ def _n_frames(file: C3dFile, n_there: int, ended: bool) -> tuple[int, tuple[str,
 
 
 def _frame_bytes(file: C3dFile, n_points: int, rate_hz: float, number_bytes: int, start: int) -> int:
-    """Of points and analog signals; of two numbers of these the one that the length of the data fits."""
+    """Bytes of points and analog signals; of two numbers of these the one that fits the length of the data."""
     ratio = file.value("ANALOG:RATE") / rate_hz if rate_hz else math.nan
     told = round(file.count("ANALOG:USED") * ratio) if math.isfinite(ratio) else file.n_analog
     sizes = [number_bytes * (_POINT_NUMBERS * n_points + n_analog) for n_analog in (file.n_analog, told)]
@@ -317,7 +318,7 @@ def _frame_bytes(file: C3dFile, n_points: int, rate_hz: float, number_bytes: int
 
 
 def _scale(file: C3dFile) -> float:
-    """Of whole numbers; negative where the numbers are no whole ones."""
+    """Scale of whole numbers; negative for other numbers."""
     told = (file.value("POINT:SCALE"), file.scale)
     scale = next((number for number in told if math.isfinite(number) and number), None)
     if scale is None:
@@ -333,6 +334,6 @@ def _data_start(file: C3dFile) -> int:
 
 
 def _data_end(file: C3dFile, start: int) -> int:
-    """Of the points: the file's, or where rotations begin."""
+    """Block of the points: the file's, or where rotations begin."""
     rotations = (file.count("ROTATION:DATA_START") - 1) * BLOCK_BYTES if n_segments_of(file) else 0
     return max(min(rotations if rotations > start else len(file.content), len(file.content)), start)

@@ -1,4 +1,4 @@
-"""C3D, the binary format of biomechanics: points, and segments of programs that write their rotations alone."""
+"""C3D, the binary format of biomechanics: points, and segments of programs that write only rotations."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tracker.results.markers import Markers, metres_per_unit, without_gaps
 __all__ = ["is_c3d", "read_c3d"]
 
 _RATES_APART = 0.01
-"""Share by which POINT:RATE and the header's rate may differ before it is told."""
+"""Largest share by which POINT:RATE and the header's rate may differ without a remark."""
 
 
 def read_c3d(path: Path, unit: str | None = None) -> Markers:
@@ -34,7 +34,7 @@ def read_c3d(path: Path, unit: str | None = None) -> Markers:
 
     Args:
         path: of the file.
-        unit: of its lengths; None for the one that the file says.
+        unit: of its lengths; None for the file's own.
 
     Raises:
         SequenceError: the file is damaged, has neither points with names nor segments, or its unit is unknown.
@@ -69,7 +69,7 @@ def read_c3d(path: Path, unit: str | None = None) -> Markers:
 def _markers(
     file: C3dFile, names: list[str], points: Array, base_hz: float, rate_hz: float, remarks: tuple[str, ...]
 ) -> Markers:
-    """What was found; frames are numbered at the base rate, that of the points."""
+    """The markers; frames are numbered at the base rate, that of the points."""
     if len(points) < 2 or not 0 < rate_hz < np.inf:
         raise SequenceError(
             f"{file.path}: {len(points)} frames at {rate_hz:g} Hz by POINT:FRAMES and POINT:RATE, cannot be"
@@ -79,7 +79,7 @@ def _markers(
 
 
 def _rate(file: C3dFile) -> tuple[float, tuple[str, ...]]:
-    """Frames a second, and a remark where the file tells two numbers; 0 where it tells none."""
+    """Frame rate, and a remark if the file has two; 0 if it has none."""
     told, header = file.value("POINT:RATE", 0.0), file.rate_hz
     if not 0 < told < np.inf:
         return (header if 0 < header < np.inf else 0.0), ()
@@ -112,10 +112,10 @@ def _points(
 
 
 def _metres(file: C3dFile, n_points: int, unit: str | None) -> tuple[Array, Counter[str]]:
-    """Metres (M,) in the unit of each point, NaN where it is none of length, and how many have which other one.
+    """Metres (M,) in the unit of each point, NaN if it is not of length, and the number of points of each other unit.
 
     Raises:
-        SequenceError: none is a unit of length, or there are several for more points than they count.
+        SequenceError: none is a unit of length, or there are several, and not one for each point.
     """
     units = file.texts("POINT:UNITS")
     known = [found for found in units if found]

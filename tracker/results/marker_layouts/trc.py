@@ -18,19 +18,19 @@ from tracker.results.markers import Markers, metres_per_unit, without_gaps
 _KEYS, _VALUES, _NAMES, _AXES, _TABLE = 1, 2, 3, 4, 5
 
 _FIRST_CELLS = 2
-"""Frame number and time stand before the markers."""
+"""Columns before the markers: frame number and time."""
 
 _LARGEST_BYTES = 2**29
-"""An hour of 60 markers at 120 Hz has 700 MB; whoever has longer ones splits them."""
+"""Largest size: an hour of 60 markers at 120 Hz has 700 MB."""
 
 _LINE_END = re.compile(r"\r*\n|\r")
-"""Of any system, and doubled ones of a text file that was copied as text; a letter of the path is none."""
+"""Line ends of any system, and doubled ones of a file copied as text; a letter of the path is none."""
 
 _FILE_END = "\x1a\0 \t\r\n"
-"""What may stand behind the last row: DOS ends a text with Ctrl-Z, and fills it up to a block."""
+"""Characters that may follow the last row: DOS ends a text with Ctrl-Z, and fills it up to a block."""
 
 _AXIS = re.compile(r"^([xyz])\d*$", re.IGNORECASE)
-"""`X1` and so on, whatever the number."""
+"""`X1` and so on, with any number."""
 
 # Rate of the header times a step of Time: told from so much on, refused where Time must count frames or milliseconds.
 _RATES_APART, _OTHER_UNIT = 1.01, 20.0
@@ -41,7 +41,7 @@ class _Row:
     """A line of the table."""
 
     line: int
-    """From 1 on."""
+    """Number of the line, from 1 on."""
 
     cells: list[str]
 
@@ -51,7 +51,7 @@ def read_trc(path: Path, unit: str | None = None) -> Markers:
 
     Args:
         path: of the file.
-        unit: of its lengths; None for the one that the file says.
+        unit: of its lengths; None for the file's own.
 
     Raises:
         SequenceError: the file is damaged, or its unit is unknown.
@@ -73,7 +73,7 @@ def read_trc(path: Path, unit: str | None = None) -> Markers:
 
 
 def _text(path: Path) -> str:
-    """Of a file in UTF-8, in UTF-16 with its mark, or else in an 8-bit code, as paths and names may be."""
+    """Text of a file in UTF-8, in UTF-16 with its mark, or else in an 8-bit code, as in paths and names."""
     content = content_of(path, SequenceError, "the markers", _LARGEST_BYTES)
     wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:
@@ -118,7 +118,7 @@ def _one_of(keys: list[str]) -> str:
 
 
 def _counts(header: dict[str, str], key: str, count: int) -> bool:
-    """Whether an entry, if it is there, is a number of things that are there."""
+    """Whether an entry, if present, is a number of things that exist."""
     try:
         return float(header.get(key, count)) == count
     except ValueError:
@@ -126,7 +126,7 @@ def _counts(header: dict[str, str], key: str, count: int) -> bool:
 
 
 def _names(path: Path, lines: list[str]) -> list[str]:
-    """Of the markers, in the order of the columns; empty for a column without a name."""
+    """Names of the markers, in the order of the columns; empty for a column without a name."""
     cells = _cells(lines[_NAMES])
     head = [k for k, cell in enumerate(cells) if cell][:_FIRST_CELLS]
     if [cells[k].lower().strip("#") for k in head] != ["frame", "time"]:
@@ -150,7 +150,7 @@ def _names(path: Path, lines: list[str]) -> list[str]:
 
 
 def _rows(path: Path, lines: list[str]) -> list[_Row]:
-    """The table; commas are those of decimals where no point stands anywhere."""
+    """The table; commas are decimal if there is no point at all."""
     below = [(n, line) for n, line in enumerate(lines[_TABLE:], start=_TABLE + 1) if line.strip()]
     if not below:
         raise SequenceError(f"{path}: the table is empty")
@@ -160,7 +160,7 @@ def _rows(path: Path, lines: list[str]) -> list[_Row]:
 
 
 def _numbers(path: Path, row: _Row, n_wanted: int) -> Array:
-    """(n,) of a row; cells that are empty, or were left out at its end, are NaN."""
+    """(n,) of a row; empty cells, or cells missing at its end, are NaN."""
     if any(row.cells[n_wanted:]):
         raise SequenceError(f"{path}: {len(row.cells)} cells in line {row.line}, expected at most {n_wanted}")
     cells = row.cells[:n_wanted] + [""] * (n_wanted - len(row.cells))
@@ -187,7 +187,7 @@ def _check_times(path: Path, rows: list[_Row], times_s: Array) -> None:
 
 
 def _remarks(path: Path, header: dict[str, str], names: list[str], times_s: Array) -> tuple[str, ...]:
-    """Where header and table disagree, and what of the table is not read.
+    """Remarks: differences between header and table, and columns that are not read.
 
     Raises:
         SequenceError: Time is not in seconds.

@@ -1,4 +1,4 @@
-"""Batching: many recordings tracked side by side, each in a process of its own."""
+"""Batching: tracks many recordings side by side, each in its own process."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from tracker.running.jobs.track import TrackJob, TrackOutcome
 
 State = Literal["done", "interrupted", "failed", "waiting"]
 TABLE = "batch.csv"
-"""In the folder of the batch."""
+"""File in the folder of the batch."""
 
 _COLUMNS = "name", "state", "frames", "lost", "doubtful", "with_ambiguous_limbs", "seconds", "folder", "fault"
 
 
 @dataclass(frozen=True)
 class Summary:
-    """How one recording went."""
+    """Outcome of one recording."""
 
     name: str
     folder: Path
@@ -41,7 +41,7 @@ class Summary:
     n_lost: int = 0
     n_doubtful: int = 0
     n_ambiguous: int = 0
-    """Frames in which some limb may be elsewhere."""
+    """Frames in which a limb is ambiguous or a person doubtful."""
 
     seconds: float = 0.0
     fault: str = ""
@@ -49,7 +49,7 @@ class Summary:
 
 
 def earlier_rows(path: Path) -> dict[str, dict[str, str]]:
-    """The rows of an earlier batch's table by their names; none where it cannot be read."""
+    """The rows of an earlier batch's table by their names; empty if it cannot be read."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
             return {row["name"]: row for row in csv.DictReader(file)}
@@ -58,13 +58,13 @@ def earlier_rows(path: Path) -> dict[str, dict[str, str]]:
 
 
 def finished(name: str, folder: Path, row: dict[str, str], asked: Mapping[str, Any]) -> Summary | None:
-    """The summary of a complete run; None for any other, as of one whose end is extended.
+    """The summary of a complete run; None for any other, such as a run that shall be extended.
 
     Args:
         name: of the recording.
         folder: of the run.
-        row: what an earlier table says of it: run.json counts persons rather than frames, and knows no seconds.
-        asked: its resolved configuration as it is now.
+        row: its row in an earlier table: run.json counts persons rather than frames, and has no seconds.
+        asked: its present resolved configuration.
     """
     try:
         told = json.loads((folder / "run.json").read_text(encoding="utf-8"))
@@ -85,7 +85,7 @@ def finished(name: str, folder: Path, row: dict[str, str], asked: Mapping[str, A
 
 
 def write_table(path: Path, summaries: Iterable[Summary]) -> None:
-    """Replaces the table as a whole, by names."""
+    """Replaces the table as a whole; rows are sorted by name."""
     text = io.StringIO()
     writer = csv.writer(text)
     writer.writerow(_COLUMNS)
@@ -110,65 +110,65 @@ __all__ = [
 ]
 
 THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
-"""Environment of a process that has one core: libraries that take them all stand in each other's way."""
+"""Environment of a process with one core: libraries that take all cores obstruct each other."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """One recording of a batch, with everything resolved: it can be done from anywhere."""
+    """One recording of a batch, completely resolved: any machine can track it."""
 
     name: str
     table: dict[str, Any]
     """Its configuration, paths absolute."""
 
     folder: Path
-    """Where its result goes, absolute."""
+    """Its result folder, absolute."""
 
     resume: bool = False
     """Whether an interrupted run lies there."""
 
     anew: bool = False
-    """Whether what lies there was stopped before its first frame, so that there is nothing to resume."""
+    """Whether the run there stopped before its first frame, so that there is nothing to resume."""
 
 
 @runtime_checkable
 class Batching(Protocol):
-    """A component that gets tasks done somewhere."""
+    """A component that runs tasks on some machine."""
 
     def work(self, tasks: Sequence[Task]) -> Iterator[Summary]:
-        """Does tasks, each by `do`, whatever becomes of the others.
+        """Runs tasks, each by `do`; a failed task does not stop the others.
 
         Args:
-            tasks: what to do.
+            tasks: the recordings.
 
         Yields:
-            One summary a task as soon as it ends, in any order; after Ctrl-C those of what was begun.
+            One summary a task as soon as it ends, in any order; after Ctrl-C those of the tasks begun.
         """
         ...
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Recordings to be tracked, all configurations checked."""
+    """The recordings to track, with all configurations checked."""
 
     tasks: tuple[Task, ...]
     finished: tuple[Summary, ...]
-    """Those that an earlier batch has finished."""
+    """Recordings that an earlier batch has finished."""
 
     folder: Path
 
 
 def plan(configs: Sequence[Path], overrides: Sequence[str], folder: Path, resume: bool = False) -> Batch:
-    """Checks all configurations and finds out what there is to do.
+    """Checks all configurations and plans the batch.
 
     Args:
         configs: of the recordings.
         overrides: `section.key=value`, for all of them.
-        folder: of the batch; the result of each goes to a folder in it, called as the recording.
-        resume: leave out what is finished there, continue what was interrupted.
+        folder: of the batch; each recording's result is a folder in it, named after the recording.
+        resume: leave out finished recordings, continue interrupted ones.
 
     Raises:
-        ConfigError: some configurations are wrong, two have the same name, or results are there already.
+        ConfigError: some configurations are wrong, two have the same name, or there are results already.
     """
     jobs = _checked(configs, overrides)
     target = folder.resolve()
@@ -189,7 +189,7 @@ def plan(configs: Sequence[Path], overrides: Sequence[str], folder: Path, resume
 
 
 def _checked(configs: Sequence[Path], overrides: Sequence[str]) -> dict[str, TrackJob]:
-    """The job of each configuration by its name; all that is wrong with them is said at once."""
+    """The job of each configuration by its name; reports all faults at once."""
     jobs: dict[str, TrackJob] = {}
     whose: dict[str, Path] = {}
     faults = []
@@ -210,14 +210,14 @@ def _checked(configs: Sequence[Path], overrides: Sequence[str]) -> dict[str, Tra
 
 
 def _nothing_computed(job: TrackJob, folder: Path) -> bool:
-    """Whether a kill has stopped a run before it began its journal; of one that keeps none there is no telling."""
+    """Whether a run was killed before it began its journal; False for a run that keeps none."""
     keeps_journal = any(isinstance(recording, Journal) for recording in job.recordings)
     begun = any((folder / name).exists() for name in (FILE, "poses.csv"))
     return keeps_journal and (folder / CONFIG).is_file() and not begun
 
 
 def do(task: Task) -> Summary:
-    """Tracks one recording; whatever goes wrong with it is told, not raised."""
+    """Tracks one recording; every fault is in the summary, none is raised."""
     cv2.setNumThreads(1)
     begin = time.perf_counter()
     try:
@@ -245,15 +245,15 @@ def _summary(task: Task, outcome: TrackOutcome) -> Summary:
 
 
 def run(batch: Batch, batching: Batching, progress: Progress = silent) -> tuple[Summary, ...]:
-    """Tracks all recordings; `batch.csv` tells at any time how far they are.
+    """Tracks all recordings; `batch.csv` shows the progress at any time.
 
     Args:
-        batch: what to do.
-        batching: where.
-        progress: told how many are done.
+        batch: the planned batch.
+        batching: runs the tasks.
+        progress: gets the number of finished recordings.
 
     Returns:
-        A summary of each recording, in the order of their names; `waiting` for what Ctrl-C kept from beginning.
+        A summary of each recording, in the order of their names; `waiting` if Ctrl-C came before it began.
     """
     batch.folder.mkdir(parents=True, exist_ok=True)
     summaries = {task.name: Summary(task.name, task.folder, "waiting") for task in batch.tasks}

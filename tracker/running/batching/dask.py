@@ -1,4 +1,4 @@
-"""Workers of a Dask cluster, on other machines as well."""
+"""Workers of a Dask cluster, also on other machines."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from tracker.running.batching import THREADS, Summary, Task, do, n_cores
 
 @component
 class Dask:
-    """An existing scheduler, whose workers see the same files; workers should have one thread each."""
+    """An existing scheduler, whose workers see the same files. Each worker should have one thread."""
 
     scheduler: str = ""
     """Address, for instance `tcp://head:8786`; empty for a cluster of this machine's cores."""
 
     jobs: int = pydantic.Field(default_factory=n_cores, ge=1)
-    """Workers of a cluster that is started here."""
+    """Number of workers of a cluster started here."""
 
     timeout_s: float = pydantic.Field(default=10.0, gt=0)
-    """How long the scheduler is waited for, seconds."""
+    """Time to wait for the scheduler, seconds."""
 
     def work(self, tasks: Sequence[Task]) -> Iterator[Summary]:
         """Submits all tasks."""
@@ -54,7 +54,7 @@ class Dask:
             ) from error
 
     def _answer(self, task: Task, future: Any) -> Summary:
-        """What a worker answered, or why it could not: it died again and again."""
+        """Result of a worker, or why there is none: it died again and again."""
         error = future.exception()
         if error is None:
             summary: Summary = future.result()

@@ -18,13 +18,13 @@ from tracker.running.batching import THREADS, Summary, Task, do, n_cores
 
 @component
 class Processes:
-    """As many processes as cores; one that crashes or runs out of memory takes no other with it."""
+    """As many processes as cores; one that crashes or runs out of memory does not affect the others."""
 
     jobs: int = pydantic.Field(default_factory=n_cores, ge=1)
-    """Recordings that are tracked at a time."""
+    """Recordings tracked at a time."""
 
     def work(self, tasks: Sequence[Task]) -> Iterator[Summary]:
-        """Begins the next task as soon as one ends; Ctrl-C lets the present frames be finished."""
+        """Begins the next task as soon as one ends; Ctrl-C lets each process finish its frame."""
         waiting, running = list(tasks)[::-1], dict[Connection, tuple[Task, SpawnProcess]]()
         while waiting or running:
             try:
@@ -45,7 +45,7 @@ class Processes:
 
 
 def _begun(task: Task) -> tuple[Connection, SpawnProcess]:
-    """A process at work on a task, and where it answers."""
+    """A process that runs a task, and its answer."""
     context = multiprocessing.get_context("spawn")
     answer, theirs = context.Pipe(duplex=False)
     process = context.Process(target=_work, args=(task, theirs), name=task.name)
@@ -56,7 +56,7 @@ def _begun(task: Task) -> tuple[Connection, SpawnProcess]:
 
 
 def _work(task: Task, answer: Connection) -> None:
-    """Does a task in a process of its own; the terminal's Ctrl-C goes to the first process only, which passes it on."""
+    """Runs a task in its own process; only the first process gets the terminal's Ctrl-C, and passes it on."""
     with contextlib.suppress(OSError):
         os.setpgid(0, 0)
     answer.send(do(task))
@@ -64,7 +64,7 @@ def _work(task: Task, answer: Connection) -> None:
 
 
 def _ended(task: Task, process: SpawnProcess, answer: Connection) -> Summary:
-    """What a process answered, or how it ended without an answer."""
+    """Answer of a process, or how it ended without one."""
     try:
         summary: Summary = answer.recv()
     except EOFError:
@@ -80,7 +80,7 @@ def _ended(task: Task, process: SpawnProcess, answer: Connection) -> Summary:
 
 @contextlib.contextmanager
 def _environment() -> Iterator[None]:
-    """One thread for the libraries of a process that is begun meanwhile."""
+    """Gives one thread to the libraries of processes started meanwhile."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(THREADS)
     try:

@@ -32,7 +32,7 @@ from tracker.foundation.errors import ConfigError, os_fault
 from tracker.foundation.progress import WARNING
 
 console = Console(markup=False, emoji=False)
-"""Prints what it is given: names and paths may hold `[...]` or `:...:`."""
+"""Prints a text as it stands: names and paths may hold `[...]` or `:...:`."""
 
 
 def marked(word: str, text: str) -> Text:
@@ -41,24 +41,24 @@ def marked(word: str, text: str) -> Text:
 
 
 def print_error(told: str | Exception) -> None:
-    """One line where errors go; signs that would move the cursor or begin another line are written out."""
+    """Prints one line on the standard error; signs that move the cursor or begin a line are written out."""
     text = os_fault(told) if isinstance(told, OSError) else str(told)
     plain = "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
     Console(stderr=True).print(Text.assemble(("error:", "bold red"), f" {plain}"), soft_wrap=True, highlight=False)
 
 
 def print_any_sign() -> None:
-    """Has signs that the terminal's encoding lacks written out, as in a log for errors; else a name would end a run."""
+    """Writes out signs that the terminal's encoding lacks, as a log does; otherwise a name would end a run."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 
 
 def quiet_libraries() -> None:
-    """Keeps off the terminal what libraries warn of: decoders of pictures in C, numpy, matplotlib, FFmpeg.
+    """Keeps warnings of libraries off the terminal: decoders of pictures in C, numpy, matplotlib, FFmpeg.
 
-    What this program logs where no file takes it down is told in a line of its own. What is written by compiled code
-    to the descriptor of the standard error goes nowhere, only Python writes there from now on.
+    What this program logs appears as a line of its own if no file takes it. The compiled code's standard error goes
+    nowhere; from now on only Python writes there.
     """
     if not sys.warnoptions:  # whoever asks Python for warnings gets them
         warnings.simplefilter("ignore")
@@ -75,7 +75,7 @@ def quiet_libraries() -> None:
 
 
 class _Remarks(logging.Handler):
-    """Tells what this program logs, and nothing of libraries."""
+    """Prints what this program logs, and nothing of libraries."""
 
     def emit(self, record: logging.LogRecord) -> None:
         if record.name.partition(".")[0] == "tracker":
@@ -83,7 +83,7 @@ class _Remarks(logging.Handler):
 
 
 _WIDE = 100
-"""Columns of a terminal on which bar and detail stand in one line."""
+"""Columns of a terminal that show bar and detail in one line."""
 
 
 class _Bars(Progress):
@@ -94,7 +94,7 @@ class _Bars(Progress):
         super().__init__(*columns, console=console, expand=True)
 
     def get_renderables(self) -> Iterable[RenderableType]:
-        """What is drawn."""
+        """The lines that are drawn."""
         if self._shown_on.width >= _WIDE:
             yield self.make_tasks_table(self.tasks)
             return
@@ -112,7 +112,7 @@ _DETAIL = TextColumn("{task.fields[detail]}", markup=False, table_column=Column(
 
 
 class _Count(MofNCompleteColumn):
-    """How many of how many; nothing where nothing is counted."""
+    """How many of how many; empty if nothing is counted."""
 
     def render(self, task: Task) -> Text:
         """The two numbers."""
@@ -125,8 +125,8 @@ _NUMBER = re.compile(r"\d+")
 class ProgressBar:
     """A bar for each thing that is counted; a `tracker.foundation.progress.Progress`.
 
-    A message is a line of its own before anything is counted, and stands beside the bar meanwhile; one that was told
-    before, with other numbers, moves along in the last line. A warning is always a line that stays.
+    A message is a line of its own before anything is counted, and stands beside the bar meanwhile. If only its numbers
+    changed, it moves along in the last line. A warning is always a line that stays.
     """
 
     def __init__(self, shown_on: Console = console) -> None:
@@ -154,7 +154,7 @@ class ProgressBar:
         self._bar.stop()
 
     def __call__(self, what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
-        """Shows how far a step is; one that begins again gets a bar of its own."""
+        """Shows how far a step is. A step that begins again gets a new bar."""
         if total == 0:
             self._message(what)
             return
@@ -195,13 +195,13 @@ Config = Annotated[Path, typer.Argument(help="Configuration, TOML.")]
 Output = Annotated[Path | None, typer.Option(help="Result folder; default results/NAME/TIME.")]
 _OVERRIDE = "Override: section.key=value, paths relative to the configuration's folder; repeatable."
 Overrides = Annotated[list[str] | None, typer.Option("--set", help=_OVERRIDE)]
-Frames = Annotated[str | None, typer.Option(help="Range A:B of frames, either end may be left out.")]
+Frames = Annotated[str | None, typer.Option(help="Range A:B of frames; either end may be left out.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is there already.")]
-"""Of the commands that work on results: they never replace anything unasked."""
+"""Option of the commands that work on results: they replace nothing unasked."""
 
 
 def with_range(overrides: list[str] | None, frames: str | None) -> list[str]:
-    """The overrides, and those that choose a range of frames.
+    """The overrides, with those that choose a range of frames.
 
     Raises:
         ConfigError: the text is no such range.

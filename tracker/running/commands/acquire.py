@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 _ROBOTS = (".urdf", ".xml", ".mjcf")
-"""Endings of descriptions of robots, which are no configurations."""
+"""Endings of descriptions of robots, which are not configurations."""
 
 
 def acquire(
@@ -47,7 +47,7 @@ def acquire(
     else:
         table = read_own("acquire", config, set_ or ())
     if frames is not None and "reading" not in table:
-        raise ConfigError(f"--frames {frames}: only of a run's configuration; {config} has no [reading]")
+        raise ConfigError(f"--frames {frames}: needs the configuration of a run; {config} has no [reading]")
     override_table(table, with_range(None, frames))
     job = acquisition_from(table, config.name, config.parent, config.stem)
     if output is not None and not output.suffix:

@@ -19,7 +19,7 @@ def init(
     output: Annotated[Path, typer.Option(help="Configuration to write.")] = Path("run.toml"),
     rig: Annotated[Path | None, typer.Option(help="Calibration; default: looked for near the videos.")] = None,
 ) -> None:
-    """Writes a commented run.toml for a folder of videos or images: views, cameras and plates that lie there."""
+    """Writes a commented run.toml for a folder of videos or images, with the cameras and plates that lie there."""
     from tracker.foundation.configuration.schema import schema_of_job
     from tracker.foundation.files import write_json, write_whole
     from tracker.running.drafts.configuration import draft
@@ -49,13 +49,13 @@ def init(
 
 
 def check_new_configuration(output: Path) -> Path:
-    """Where the schema of a new configuration is written.
+    """Path of the schema of a new configuration.
 
     Args:
         output: the configuration.
 
     Raises:
-        ConfigError: it is there already, its folder is not, or the schema would replace something else.
+        ConfigError: the configuration exists, its folder does not, or the schema would replace another file.
     """
     from tracker.foundation.configuration.schema import SCHEMA, is_schema
     from tracker.foundation.errors import ConfigError
@@ -66,7 +66,7 @@ def check_new_configuration(output: Path) -> Path:
         raise ConfigError(f"{output}: no such folder; make it, or choose another --output")
     schema = output.with_name(SCHEMA)
     if schema.exists() and not is_schema(schema):
-        raise ConfigError(f"{schema} is something else than a schema of bodytrack: choose another folder for --output")
+        raise ConfigError(f"{schema} is not a schema of bodytrack: choose another folder for --output")
     return schema
 
 
@@ -83,7 +83,7 @@ def show_frame(
         overwrite: whether files that are there already are replaced.
 
     Raises:
-        TrackerError: there is no such frame, view or person, the recording is gone, or a file is there already.
+        TrackerError: the frame, view or person does not exist, the recording is gone, or a file exists already.
     """
     from tracker.foundation.errors import nearest
     from tracker.foundation.files import check_free
@@ -115,7 +115,7 @@ def show_frame(
 
 
 _CELL_PX = 480
-"""Width of each of the pictures that are put together."""
+"""Width of each picture in a row."""
 
 
 FILES = {
@@ -123,23 +123,23 @@ FILES = {
     "markers": "tracker.results.evaluation.marker_set:MarkerSet",
     "movement": "tracker.results.recognition.library:Description",
 }
-"""TOML files that are no configurations -> the class that describes them, loaded when it is asked for."""
+"""TOML files other than configurations -> the class that describes them, loaded on demand."""
 
 
 def show(
     stage: Annotated[
         str | None,
-        typer.Argument(help="A stage, `jobs` (the sections of each), a section of one: `loss`; or `frame`."),
+        typer.Argument(help="A stage, `jobs` (the sections of each), a section such as `loss`; or `frame`."),
     ] = None,
-    result: Annotated[Path | None, typer.Argument(help="Of `frame`: result folder of a run.")] = None,
+    result: Annotated[Path | None, typer.Argument(help="For `frame`: result folder of a run.")] = None,
     schema: Annotated[
         bool,
         typer.Option("--schema", help=f"Print the JSON schema of a file: run (default), {', '.join(FILES)}, a job."),
     ] = False,
     frame: Annotated[int | None, typer.Option(help="Of `frame`: its number.")] = None,
-    view: Annotated[str | None, typer.Option(help="Of `frame`: one view alone.")] = None,
-    person: Annotated[str | None, typer.Option(help="Of `frame`: whose limbs; default the first person.")] = None,
-    output: Annotated[Path | None, typer.Option(help="Of `frame`: folder; default RESULT/exports.")] = None,
+    view: Annotated[str | None, typer.Option(help="For `frame`: one view alone.")] = None,
+    person: Annotated[str | None, typer.Option(help="For `frame`: the person; default the first.")] = None,
+    output: Annotated[Path | None, typer.Option(help="For `frame`: folder; default RESULT/exports.")] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Lists the components of the stages, or the fields of one stage's components, or of a section.
@@ -179,7 +179,7 @@ def show(
 
 
 def _refuse_of_frame(stage: str | None, **options: object) -> None:
-    """Refuses what only `show frame` has, where something else is asked for."""
+    """Refuses options of `show frame` without `frame`."""
     for name, value in options.items():
         if value not in (None, False):
             what = f'"{value}"' if name == "RESULT" else f"--{name}"
@@ -203,7 +203,7 @@ def _schema(kind: str) -> dict[str, Any]:
 
 
 def _sections() -> dict[str, dict[Any, list[str]]]:
-    """Section -> what it may be, and the jobs that have it so; of those in which there is no component to choose."""
+    """Section -> its class, and the jobs that have it; only sections without a component to choose."""
     from tracker.foundation.configuration.components import available, find
 
     sections: dict[str, dict[Any, list[str]]] = {}
@@ -216,7 +216,7 @@ def _sections() -> dict[str, dict[Any, list[str]]]:
 
 
 def _is_section(value: Any, field: Any) -> bool:
-    """Whether a field is a section of its own fields: there is nothing to choose."""
+    """Whether a field is a section with fields of its own and no component to choose."""
     from tracker.foundation.configuration.tables import component_stage
 
     return field is not None and component_stage(type(value)) is not None and field.annotation is type(value)

@@ -1,4 +1,4 @@
-"""`bodytrack detect`: 2-D keypoints of a recording, by a detector of others."""
+"""`bodytrack detect`: 2-D keypoints of a recording, by another program's detector."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from tracker.running.commands import Frames, Overrides, ProgressBar, console, wi
 
 
 def detect(
-    config: Annotated[Path, typer.Argument(help="Configuration of a run, TOML: its recording is looked at.")],
+    config: Annotated[Path, typer.Argument(help="Configuration of a run, TOML, which names the recording.")],
     with_: Annotated[str, typer.Option("--with", help="Detector: mediapipe, rtmlib, or my_lab:Class.")] = "mediapipe",
     output: Annotated[
         str | None,
-        typer.Option(help="Folders to write, with {view}; default: what `keypoints` of the configuration says."),
+        typer.Option(help="Folders to write, with {view}; default: `keypoints` of the configuration."),
     ] = None,
     overlay: Annotated[bool, typer.Option("--overlay", help="Also a film of all images, detected.mp4.")] = False,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Find all anew; else images that have files stay.")
+        bool, typer.Option("--overwrite", help="Find all anew; otherwise images that have files are left out.")
     ] = False,
     frames: Frames = None,
     set_: Overrides = None,
 ) -> None:
-    """Finds 2-D keypoints in all views, where there are none yet; `run` uses them where `keypoints` says so."""
+    """Finds 2-D keypoints in all views. `run` uses them if `keypoints` names their folders."""
     from tracker.running.detections import detect, told, wanted
 
     asked = wanted(config, with_, output, with_range(set_, frames))

@@ -42,7 +42,7 @@ def evaluate(
 
 
 def print_evaluation(evaluation: Evaluation) -> None:
-    """A table of the errors of each person, what is looked for first on top, and the silhouettes' overlap."""
+    """A table of each person's errors, the important ones first, and the overlap of the silhouettes."""
     table = Table(title="errors against the truth", title_justify="left")
     table.add_column("")
     for person in evaluation.persons:
@@ -65,13 +65,13 @@ def print_evaluation(evaluation: Evaluation) -> None:
 
 
 def _heading(person: PersonErrors, evaluation: Evaluation) -> str:
-    """The person of the run, and whom of the truth it is compared with; a truth without names says nothing of one."""
+    """The person of the run, and the person of the truth; a truth without names gives none."""
     unnamed = len(evaluation.persons) == 1 and person.truth == "1"
     return person.person if unnamed or person.truth == person.person else f"{person.person} (truth: {person.truth})"
 
 
 def _tell_crossed(evaluation: Evaluation) -> None:
-    """That persons are compared with others than those of their names: who is nearest counts."""
+    """A warning if persons are paired by distance and their names differ."""
     names = {person.person for person in evaluation.persons}
     crossed = [one for one in evaluation.persons if one.truth != one.person and one.truth in names]
     if crossed:
@@ -80,7 +80,7 @@ def _tell_crossed(evaluation: Evaluation) -> None:
 
 
 def _headline(evaluation: Evaluation) -> list[tuple[str, list[str]]]:
-    """How far off joints and angles are, and of how many frames."""
+    """Errors of joints and angles, and the number of frames."""
     persons = evaluation.persons
     rows = [
         ("joint distance, mean", [_mm(p.mean_mm) for p in persons]),
@@ -91,7 +91,7 @@ def _headline(evaluation: Evaluation) -> list[tuple[str, list[str]]]:
     if any(person.parameters for person in persons):
         rows.append(("joint angles, RMS", [f"{p.angles_rms_deg:.2f} deg" if p.parameters else "-" for p in persons]))
     for hinge in dict.fromkeys(hinge for person in persons for hinge in person.hinges_deg):
-        rows.append((f"{hinge.replace('_', ' ')}, RMS (offset removed; told)", [_hinge(p, hinge) for p in persons]))
+        rows.append((f"{hinge.replace('_', ' ')}, RMS (offset removed; sigma)", [_hinge(p, hinge) for p in persons]))
     rows.append(("frames lost", [f"{p.n_missing} of {p.n_frames}" for p in persons]))
     return rows
 
@@ -99,9 +99,9 @@ def _headline(evaluation: Evaluation) -> list[tuple[str, list[str]]]:
 def _joint_rows(evaluation: Evaluation) -> list[tuple[str, list[str]]]:
     persons = evaluation.persons
     names = sorted({name for person in persons for name in person.joints_mm})
-    rows = [(f"{name.replace('_', ' ')} (offset removed; told)", [_joint(p, name) for p in persons]) for name in names]
+    rows = [(f"{name.replace('_', ' ')} (offset removed; sigma)", [_joint(p, name) for p in persons]) for name in names]
     if any(person.joint_sigmas_mm for person in persons):
-        rows.append(("joints, error over told sigma", [_ratio(person.over_sigma()) for person in persons]))
+        rows.append(("joints, error over sigma", [_ratio(person.over_sigma()) for person in persons]))
     return rows
 
 
@@ -114,7 +114,7 @@ def _details(evaluation: Evaluation) -> list[tuple[str, list[str]]]:
 
 
 def _mm(length: float) -> str:
-    """A length, or that it is unknown: the person is lost in every frame."""
+    """A length, or "unknown" if the person is lost in every frame."""
     return f"{length:.1f} mm" if math.isfinite(length) else "-"
 
 
@@ -133,7 +133,7 @@ def _joint(person: PersonErrors, joint: str) -> str:
 
 
 def _told(sigma: float | None, shown: str) -> str:
-    """The standard deviation that the run tells, where it does."""
+    """The standard deviation of the run, if it gives one."""
     return "" if sigma is None else f"; {sigma:{shown}}"
 
 
@@ -142,7 +142,7 @@ def _ratio(value: float) -> str:
 
 
 def _tell_incomplete(person: PersonErrors) -> None:
-    """Which joints are compared in some of the frames with a pose only, or in none."""
+    """Joints that are compared in only some of the frames with a pose, or in none."""
     partly = [f"{name} in {n} frames" for name, n in person.incomplete_frames.items() if n]
     never = [name for name, n in person.incomplete_frames.items() if not n]
     told = [("compared where both have them: ", partly), ("not compared, in no frame of both: ", never)]
@@ -152,7 +152,7 @@ def _tell_incomplete(person: PersonErrors) -> None:
 
 
 BUNDLED = "bundled"
-"""The library that comes with the package, where a folder is expected."""
+"""The library that comes with the package, in place of a folder."""
 
 _COLUMNS = ("from s", "to s", "angle deg", "misfit", "size", "tempo", "next best", "its angle")
 
@@ -170,9 +170,9 @@ def recognize(
     person: Annotated[str | None, typer.Option(help="With --add: which person; default: the only one.")] = None,
     performance: Annotated[str | None, typer.Option(help="With --add: its name; default: run and person.")] = None,
     repeats: Annotated[
-        bool, typer.Option("--repeats/--no-repeats", help="With --add: it goes round, as walking does.")
+        bool, typer.Option("--repeats/--no-repeats", help="With --add: the movement is a cycle, as walking is.")
     ] = False,
-    about: Annotated[str, typer.Option(help="With --add: what the movement is, in a sentence.")] = "",
+    about: Annotated[str, typer.Option(help="With --add: a sentence about the movement.")] = "",
 ) -> None:
     """Finds known movements in a result, by dynamic time warping of its joint angles; or adds one to a library."""
     if add:
@@ -214,10 +214,10 @@ def _print(persons: dict[str, tuple[Stretch, ...]], n_known: int) -> None:
         found = [one.recognized for one in stretches if one.recognized is not None]
         seconds = sum(one.seconds for one in stretches if one.what == "unknown")
         if stretches and all(one.what == "lost" for one in stretches):
-            console.print(f"{person}: lost all along", highlight=False)
+            console.print(f"{person}: lost in every frame", highlight=False)
             continue
         if not found:
-            console.print(f"{person}: nothing known: none of {n_known} movements fits", highlight=False)
+            console.print(f"{person}: none of {n_known} known movements fits", highlight=False)
             continue
         table = Table(Column("movement", no_wrap=True), *_COLUMNS, title=person)
         for one in found:
@@ -229,10 +229,11 @@ def _print(persons: dict[str, tuple[Stretch, ...]], n_known: int) -> None:
             table.add_row(what, *numbers, *second)
         console.print(table)
         if seconds > 0:
-            console.print(f"{person}: {seconds:.1f} s are like none of {n_known} known movements", highlight=False)
+            console.print(f"{person}: {seconds:.1f} s resemble none of {n_known} known movements", highlight=False)
     console.print(
-        "angle: of the limbs to the known movement, root mean square; misfit: that angle over the largest that counts; "
-        "size, tempo: how many times as far and as fast as the known one",
+        "angle: RMS between the limbs of the person and of the known movement; "
+        "misfit: that angle over the largest that counts; "
+        "size, tempo: how many times as large and as fast as the known one",
         style="dim",
     )
 
@@ -259,7 +260,7 @@ def _add(
     key = performance or f"{loaded.name}_{track.name}"
     path, kept = add_performance(Path(library[0]), name, key, course, Description(about=told[1], repeats=told[0]))
     seconds = len(kept.known) / RATE_HZ
-    round_ = ", one round of it" if told[0] else ""
+    round_ = ", one cycle of it" if told[0] else ""
     console.print(
         f'"{name}" of {track.name}, {kept.start_s:.2f} to {kept.start_s + seconds:.2f} s{round_}: {path}',
         highlight=False,

@@ -1,4 +1,4 @@
-"""`bodytrack result`: what is made of a finished run."""
+"""`bodytrack result`: works on a finished run."""
 
 from __future__ import annotations
 
@@ -18,22 +18,23 @@ if TYPE_CHECKING:
     from tracker.results.evaluation.marker_comparison import MarkerComparison
 
 FOLDER = "segmentation"
-"""In the result, where the pictures are written."""
+"""Folder of the pictures, in the result."""
 
 
 def segment(
     result: Annotated[Path, typer.Argument(help="Result folder of a run; its recording must still be there.")],
     every: Annotated[int, typer.Option(min=1, help="A picture every so many frames.")] = 10,
-    frames: Annotated[str | None, typer.Option(help="Range A:B of frames, either end may be left out.")] = None,
+    frames: Annotated[str | None, typer.Option(help="Range A:B of frames; either end may be left out.")] = None,
     back: Annotated[int, typer.Option(min=0, help="Begin at the pose so many frames before.")] = 1,
     set_: Annotated[
-        list[str] | None, typer.Option("--set", help="Of evidence level_set: way=descent, shape=0.15; repeatable.")
+        list[str] | None,
+        typer.Option("--set", help="Setting of the evidence level_set: way=descent, shape=0.15; repeatable."),
     ] = None,
     width: Annotated[int, typer.Option(min=160, help="Of the pictures, px.")] = 1280,
     output: Annotated[Path | None, typer.Option(help="Folder to write to; default RESULT/segmentation.")] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Draws contours by level sets with and without the shape prior, and the poses found, over frames of a result."""
+    """Draws contours by level sets with and without the shape prior, beside the poses found."""
     from tracker.foundation.files import check_free
     from tracker.images.film import write_picture
     from tracker.results.result import load_result
@@ -46,7 +47,7 @@ def segment(
     for one in segmented(load_result(result), by, chosen):
         n_seen += 1
         if not one.views:
-            console.print(f"frame {one.frame}: everybody is lost, or no view has an image", highlight=False)
+            console.print(f"frame {one.frame}: every person is lost, or no view has an image", highlight=False)
             continue
         folder.mkdir(parents=True, exist_ok=True)
         n_drawn += 1
@@ -83,11 +84,11 @@ def align(
     rig: Annotated[Path | None, typer.Option(help="Write the rig with its cameras turned as the persons show.")] = None,
     output: Annotated[Path | None, typer.Option(help="Folder of poses at one moment; default RESULT/in_step.")] = None,
     overwrite: Overwrite = False,
-    always: Annotated[bool, typer.Option("--always", help="Write these poses also if no view is late.")] = False,
+    always: Annotated[bool, typer.Option("--always", help="Write these poses even if no view is late.")] = False,
 ) -> None:
-    """Compares the views of a result by the persons tracked: which are late, whose cameras are turned.
+    """Compares the views of a result by the tracked persons: finds views that are late and cameras that are turned.
 
-    Where views are out of step, poses at the moment of the first one are written into a result folder of their own.
+    If views are out of step, the command writes poses at the moment of the first view into a new result folder.
     """
     from tracker.results.result import load_result
     from tracker.running.aligned_result import (
@@ -120,7 +121,7 @@ def align(
 
 
 def _table(views: dict[str, dict[str, float]], n_moments: int) -> Table:
-    """What is told of the views; of delays that change, those before and after."""
+    """A row a view; delays that change have one before and one after."""
     changes = any("late_before_ms" in told for told in views.values())
     late = ["late before ms", "after ms"] if changes else ["late ms"]
     table = Table("view", *late, "turned deg", "turned px", title=f"views, by {n_moments} frames")
@@ -140,7 +141,7 @@ def compare(
     result: Annotated[Path, typer.Argument(help="Result folder of a run, or of a smoothed one.")],
     markers: Annotated[Path, typer.Argument(help="Recording of the marker system: .trc or .c3d.")],
     marker_set: Annotated[Path, typer.Option("--set", help="TOML: which markers make which joint.")],
-    person: Annotated[str | None, typer.Option(help="Who wore the markers, where there are several.")] = None,
+    person: Annotated[str | None, typer.Option(help="Person who wore the markers, if there are several.")] = None,
     offset: Annotated[
         float | None, typer.Option(help="Marker time minus video time, s, to 0.1 s; default: found by angles.")
     ] = None,
@@ -162,7 +163,7 @@ def compare(
 
 
 def print_comparison(made: MarkerComparison) -> None:
-    """Tables of the angles and the joints, how the markers lie, and what is to be looked at."""
+    """Tables of the angles and the joints, how the markers lie, and the warnings."""
     angles = Table(title=f"{made.track.person} against markers", title_justify="left")
     for k, head in enumerate(("angle", "RMS", "offset", "RMS, offset removed", "frames")):
         angles.add_column(head, justify="right" if k else "left")
@@ -193,7 +194,7 @@ def print_comparison(made: MarkerComparison) -> None:
 
 # Written out, for the folders' imports take longer than `--help` should; a test compares.
 FORMATS = ("bvh", "c3d", "glb", "isb_angles", "mot", "opensim", "osim", "trc", "wide_table")
-"""Recordings that need poses and times only."""
+"""Recordings that need only poses and times."""
 
 
 def export(
@@ -206,10 +207,10 @@ def export(
         bool, typer.Option("--y-up", help="Turn TRC and C3D to y up; BVH, GLB, MOT and OSIM always are, tables never.")
     ] = False,
     model: Annotated[
-        str | None, typer.Option(help="Of opensim: rajagopal, laiuhlrich, pose2sim, or an .osim file of yours.")
+        str | None, typer.Option(help="For opensim: rajagopal, laiuhlrich, pose2sim, or an .osim file of yours.")
     ] = None,
     mass_kg: Annotated[
-        list[str] | None, typer.Option("--mass-kg", help="Of opensim: the person's, or NAME=MASS; repeatable.")
+        list[str] | None, typer.Option("--mass-kg", help="For opensim: the person's mass, or NAME=MASS; repeatable.")
     ] = None,
     in_result: Annotated[bool, typer.Option("--in-result", hidden=True)] = False,
 ) -> None:
@@ -226,9 +227,7 @@ def export(
         if name not in FORMATS:
             raise ConfigError(f"--to {name}: no such format; {nearest(name, FORMATS)}")
     if ("opensim" in formats) != (model is not None) or (mass_kg and model is None):
-        raise ConfigError(
-            "--model: expected with --to opensim, and with it alone: rajagopal, or an .osim file of yours"
-        )
+        raise ConfigError("--model needs --to opensim, and only that: rajagopal, or an .osim file of yours")
     fields = {"opensim": {"model": model, **_masses(mass_kg)}}
     if y_up:
         fields |= {name: {"y_up": True} for name in ("trc", "c3d")}
@@ -240,14 +239,14 @@ def export(
 
 
 def _fit(outcome: dict[str, Any]) -> str:
-    """How well OpenSim's model moves as the person did."""
+    """How closely OpenSim's model follows the person."""
     flexions = outcome["opensim_less_ours_deg"].values()
     worst = f"; flexions differ by {max(one['rms'] for one in flexions):.1f} deg RMS after offsets" if flexions else ""
     return f"markers {outcome['marker_rms_mm']:.1f} mm RMS in {outcome['frames']} frames{worst}"
 
 
 def _masses(told: list[str] | None) -> dict[str, Any]:
-    """The field that masses make, kg: one, or one a person."""
+    """The masses, kg: one, or one a person."""
     found = {}
     for text in told or ():
         name, _, number = text.rpartition("=")
@@ -263,11 +262,11 @@ def _masses(told: list[str] | None) -> dict[str, Any]:
 def smooth(
     result: Annotated[Path, typer.Argument(help="Result folder of a run.")],
     use: Annotated[str, typer.Option(help="Smoothing: rts, butterworth, spline, one_euro.")] = "rts",
-    set_: Annotated[list[str] | None, typer.Option("--set", help="A field of it: cutoff_hz=8; repeatable.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="A setting of it: cutoff_hz=8; repeatable.")] = None,
     output: Annotated[Path | None, typer.Option(help="Folder to write to; default RESULT/smoothed.")] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Smooths a finished result and fills its short gaps, into a result folder of its own; the raw one stays."""
+    """Smooths a finished result and fills its short gaps, into a new result folder; the raw one stays."""
     from tracker.foundation.configuration.tables import build, override_table
     from tracker.results.result import load_result
     from tracker.running.programs import smooth_by

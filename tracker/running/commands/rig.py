@@ -1,4 +1,4 @@
-"""The commands that calibrate cameras, and that check and convert calibrations."""
+"""Commands that calibrate cameras, and that check and convert calibrations."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
 LAYOUTS = "anipose, caliscope, easymocap, freemocap, json, middlebury, opencap, opencv, panoptic, pose2sim, "
 LAYOUTS += "qualisys, vicon"
 
-Size = Annotated[str | None, typer.Option(help="Image size WxH, where the calibration does not tell it.")]
+Size = Annotated[str | None, typer.Option(help="Image size WxH, if the calibration does not have it.")]
 Units = Annotated[
-    str | None, typer.Option(help="Unit of the calibration's lengths (m, cm, mm, in, ft), if not as its file says.")
+    str | None, typer.Option(help="Unit of the calibration's lengths (m, cm, mm, in, ft); default: the file's.")
 ]
-Scale = Annotated[float, typer.Option(help="Factor for its lengths besides, where they have no unit.")]
+Scale = Annotated[float, typer.Option(help="Factor for lengths that have no unit.")]
 
-SEEN = "What tells the floor: a result folder (resting feet), a run.toml with keypoints, or pictures of a board or "
-SEEN += "markers on the floor, such as floor/{view}.png."
+SEEN = "What lies or stands on the floor: a result folder (resting feet), a run.toml with keypoints, or pictures of "
+SEEN += "a board or markers on the floor, such as floor/{view}.png."
 
 AUTO = "auto"
-"""In place of metres: as what was seen tells."""
+"""Value of --floor that takes the floor from --seen."""
 
 rig_app = typer.Typer(no_args_is_help=True, help="Checks and converts calibrations.")
 
@@ -42,13 +42,13 @@ def rig_check(
     rig: Annotated[Path, typer.Argument(help="Calibration, in any layout that `rig convert` reads.")],
     images: Annotated[str | None, typer.Option(help="Pictures such as first/{view}.png: draws epipolar lines.")] = None,
     points: Annotated[Path | None, typer.Option(help="CSV: VIEW_u, VIEW_v and, for the scale, x, y, z.")] = None,
-    floor: Annotated[str | None, typer.Option(help=f"Proposes the floor and the axis that is up. {SEEN}")] = None,
-    picture: Annotated[Path, typer.Option(help="Where the epipolar lines are drawn.")] = Path("epipolar.png"),
+    floor: Annotated[str | None, typer.Option(help=f"Proposes the floor and the upward axis. {SEEN}")] = None,
+    picture: Annotated[Path, typer.Option(help="Picture of the epipolar lines.")] = Path("epipolar.png"),
     size: Size = None,
     units: Units = None,
     scale: Scale = 1.0,
 ) -> None:
-    """Looks a rig over: geometry, who sees whom, reprojection, scale, and epipolar lines over the views."""
+    """Checks a rig: geometry, visibility, reprojection, scale, and epipolar lines over the views."""
     from tracker.cameras.calibration import read_points
     from tracker.cameras.rig_check import check_points, check_rig, epipolar_picture
     from tracker.cameras.rig_layouts import read_rig
@@ -90,7 +90,7 @@ def rig_check(
 
 
 def _tell_floor(rig: Rig, seen: str, advice: str = "") -> Floor:
-    """The floor that is told by what was seen, told about on the terminal."""
+    """The floor that --seen shows; prints how it was found."""
     from tracker.running.floors import found_floor
 
     found = found_floor(rig, seen, lambda pattern: _pictures_there(pattern, rig.names))
@@ -105,7 +105,7 @@ def _pictures(pattern: str, names: tuple[str, ...]) -> tuple[Image, ...]:
     """A picture of each view, or the first frame of a film.
 
     Raises:
-        CalibrationError: one is missing, or is none.
+        CalibrationError: a picture is missing, or a file is not a picture.
     """
     paths = _paths(pattern, names)
     missing = next((name for name, path in paths.items() if not path.is_file()), None)
@@ -115,10 +115,10 @@ def _pictures(pattern: str, names: tuple[str, ...]) -> tuple[Image, ...]:
 
 
 def _pictures_there(pattern: str, names: tuple[str, ...]) -> tuple[Image | None, ...]:
-    """The same, None for each view without a file.
+    """As `_pictures`, with None for each view without a file.
 
     Raises:
-        CalibrationError: no view has one, or one is none.
+        CalibrationError: no view has a picture, or a file is not a picture.
     """
     paths = _paths(pattern, names)
     if not any(path.is_file() for path in paths.values()):
@@ -145,19 +145,24 @@ def _picture(path: Path, name: str) -> Image:
 
 @rig_app.command("convert")
 def rig_convert(
-    source: Annotated[Path, typer.Argument(help=f"File or folder; its layout is found out: {LAYOUTS}.")],
+    source: Annotated[Path, typer.Argument(help=f"File or folder; the program finds its layout: {LAYOUTS}.")],
     target: Annotated[Path, typer.Argument(help="File; or folder, for opencv and easymocap.")],
-    layout: Annotated[str | None, typer.Option(help="Layout of the target; default: as its name tells.")] = None,
+    layout: Annotated[str | None, typer.Option(help="Layout of the target; default: by its name.")] = None,
     size: Size = None,
     units: Units = None,
     scale: Scale = 1.0,
-    upright: Annotated[bool, typer.Option("--upright", help="For images turned by quarters until up is up.")] = False,
+    upright: Annotated[
+        bool, typer.Option("--upright", help="Rig for images turned by quarters until up is up.")
+    ] = False,
     up: Annotated[
-        str, typer.Option(help="Axis up in the source: x, y, z, -x, -y, -z; or cameras: what all hold up.")
+        str,
+        typer.Option(
+            help="Axis up in the source: x, y, z, -x, -y, -z; or cameras: the upward direction of the cameras."
+        ),
     ] = "z",
     floor: Annotated[
         str,
-        typer.Option(help=f"Where the floor is along that axis, metres; becomes z = 0. {AUTO}: as --seen tells."),
+        typer.Option(help=f"Height of the floor along that axis, metres; becomes z = 0. {AUTO}: as --seen shows."),
     ] = "0",
     seen: Annotated[str | None, typer.Option(help=f"For --floor {AUTO}. {SEEN}")] = None,
 ) -> None:
@@ -176,15 +181,15 @@ def rig_convert(
 
 
 def told_rig(path: Path, size: str | None = None) -> Rig:
-    """The rig of a file in any layout, told about on the terminal.
+    """Reads a rig of any layout; prints what was read.
 
     Args:
         path: file or folder.
-        size: image size WxH, where the file does not tell it.
+        size: image size WxH, if the file does not have it.
 
     Raises:
         CalibrationError: it cannot be used.
-        ConfigError: the size is written otherwise.
+        ConfigError: the size is not of the form WxH.
     """
     from tracker.cameras.rig_layouts import read_rig
 
@@ -194,21 +199,21 @@ def told_rig(path: Path, size: str | None = None) -> Rig:
 
 
 def _floor_m(floor: str, up: str, seen: str | None) -> float:
-    """Metres of `--floor`; 0 where what was seen tells it.
+    """Metres of `--floor`; 0 if --seen gives the floor.
 
     Raises:
-        ConfigError: it is no number, or options do not belong together.
+        ConfigError: it is not a number, or options do not belong together.
     """
     if floor == AUTO and seen is None:
-        raise ConfigError(f"--floor {AUTO}: what tells it? expected --seen RESULT, --seen run.toml or --seen PICTURES")
+        raise ConfigError(f"--floor {AUTO} needs --seen RESULT, --seen run.toml or --seen PICTURES")
     if seen is not None and (floor != AUTO or up != "z"):
-        raise ConfigError(f"--seen tells the floor and the axis that is up: expected --floor {AUTO}, and no --up")
+        raise ConfigError(f"--seen gives the floor and the upward axis: expected --floor {AUTO}, and no --up")
     try:
         metres = 0.0 if floor == AUTO else float(floor)
     except ValueError:
         metres = math.nan
     if not math.isfinite(metres):
-        raise ConfigError(f"--floor {floor}: expected metres along the axis that is up, or {AUTO}")
+        raise ConfigError(f"--floor {floor}: expected metres along the upward axis, or {AUTO}")
     return metres
 
 
@@ -223,7 +228,7 @@ def _pixels(size: str | None) -> tuple[int, int] | None:
 
 
 def _upright(rig: Rig) -> Rig:
-    """The cameras of images that were turned upright; says which."""
+    """The cameras of images that were turned upright; prints which."""
     from tracker.cameras.rig import Rig
 
     turned = Rig(tuple(camera.turned(camera.quarters_to_upright) for camera in rig.cameras))
@@ -235,7 +240,7 @@ def _upright(rig: Rig) -> Rig:
 
 
 def _tell(opened: RigFile, but: str = "") -> None:
-    """What whoever uses the rig must know of its file, but for advice that is followed already."""
+    """Warnings about the file, except advice that the options already follow."""
     for line in opened.told():
         if but and but in line:
             continue
@@ -276,20 +281,24 @@ def calibrate_board(
     rows: Annotated[int | None, typer.Option(min=3, max=60, help="Rows of them.")] = None,
     square: SquareM = None,
     marker: Annotated[float, typer.Option(min=0.3, max=0.95, help="Side of a marker, share of a square.")] = 0.75,
-    dictionary: Annotated[str, typer.Option(help="Of the markers, for instance 5x5_50, apriltag_36h11.")] = "4x4_50",
+    dictionary: Annotated[
+        str, typer.Option(help="Dictionary of the markers, for instance 5x5_50, apriltag_36h11.")
+    ] = "4x4_50",
     paper: Annotated[str, typer.Option(help="a4, a3, a2, a1, a0, letter, tabloid.")] = "a4",
     plain: Annotated[bool, typer.Option("--plain", help="A chessboard without markers.")] = False,
     inverted: Annotated[bool, typer.Option("--inverted", help="White on black.")] = False,
-    both_sides: Annotated[bool, typer.Option("--both-sides", help="A second page: the same seen through.")] = False,
+    both_sides: Annotated[
+        bool, typer.Option("--both-sides", help="Add a second page: the mirror image, for the back.")
+    ] = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Draws a board to print, true to scale, with rulers to check that, and the lines that calibrate needs."""
+    """Draws a board to print, true to scale, with rulers to check it and the lines that calibrate needs."""
     from tracker.cameras.calibration import BoardPrint, board_pattern, largest_square_mm, write_board
     from tracker.foundation.errors import ConfigError
     from tracker.foundation.files import check_free
 
     if plain and both_sides:
-        raise ConfigError("--both-sides: a plain chessboard does not tell its sides; leave --plain out")
+        raise ConfigError("--both-sides: a plain chessboard looks the same from both sides; leave --plain out")
     if output.suffix.lower() != ".pdf" or not output.resolve().parent.is_dir():
         raise ConfigError(f"{output}: expected a .pdf in a folder that exists")
     check_free([output], overwrite)

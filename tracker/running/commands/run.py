@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 
 _FOLDER = Path("results/batch")
-"""Of a batch without --output."""
+"""Folder of a batch without --output."""
 
 
 @dataclass(frozen=True)
 class Side:
-    """How many recordings are tracked side by side, and where."""
+    """Number of recordings tracked side by side, and the machines."""
 
     jobs: int | None = None
     """At a time; None: as many as cores."""
@@ -59,7 +59,7 @@ def track_many(
 
 
 def _print(summaries: tuple[Summary, ...]) -> None:
-    """A row a recording, and below the table the line of each that failed."""
+    """Prints a row a recording, then the fault of each that failed."""
     table = Table("recording", "state")
     for title in ("frames", "lost", "doubtful", "ambiguous", "frames/s"):
         table.add_column(title, justify="right")
@@ -84,29 +84,29 @@ def run(
     frames: Frames = None,
     resume: Annotated[bool, typer.Option(help="Continue an interrupted run in --output, or the latest one.")] = False,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Check all, track a few frames, say what it takes.")
+        bool, typer.Option("--dry-run", help="Check all inputs, track a few frames, estimate the time.")
     ] = False,
-    verbose: Annotated[bool, typer.Option("--verbose", help="Also say how long each stage of tracking took.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Also print the time of each stage of tracking.")] = False,
     jobs: Annotated[int | None, typer.Option(min=1, help="Recordings at a time; default: as many as cores.")] = None,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://HOST:8786.")] = None,
     batch: Annotated[
-        bool, typer.Option("--batch", help="A batch also of one recording; so do --jobs and --scheduler.")
+        bool, typer.Option("--batch", help="Run as a batch, even one recording; --jobs and --scheduler do the same.")
     ] = False,
 ) -> None:
     """Tracks a recording, or many side by side: a broken one fails alone."""
     overrides = with_range(set_, frames)
     if batch or jobs or scheduler or len(configs) > 1:
         if dry_run:
-            raise ConfigError("--dry-run: of one configuration at a time, without --batch, --jobs and --scheduler")
+            raise ConfigError("--dry-run takes one configuration at a time, without --batch, --jobs and --scheduler")
         if verbose:
-            raise ConfigError("--verbose: of one configuration at a time, without --batch, --jobs and --scheduler")
+            raise ConfigError("--verbose takes one configuration at a time, without --batch, --jobs and --scheduler")
         track_many(configs, overrides, output, resume, Side(jobs, scheduler))
         return
     _track(configs[0], overrides, output, (resume, dry_run, verbose))
 
 
 def _track(config: Path, overrides: list[str], output: Path | None, asked: tuple[bool, bool, bool]) -> None:
-    """One recording: `asked` is whether to go on with a run, to look only what it takes, and to tell stages' times."""
+    """Tracks one recording; `asked`: resume a run, only estimate the time, print the stages' times."""
     from tracker.running.jobs import load_job
 
     resume, dry_run, verbose = asked
@@ -140,7 +140,7 @@ def demo(
 
 
 def _end_with(outcome: TrackOutcome) -> None:
-    """Ends with a code that says so where a run was interrupted, or found nobody in any frame."""
+    """Exits with the code of a run that was interrupted, or that found no person in any frame."""
     if outcome.interrupted:
         raise typer.Exit(130)
     if outcome.doubts.nobody:
@@ -154,7 +154,7 @@ def _print_forecast(job: TrackJob) -> None:
         told = forecast(job, progress=progress)
     if told.doubts.nobody:
         _print_doubts(told.doubts)
-        console.print("how long all frames take is not told, for nobody was found; nothing was written")
+        console.print("no person was found, so the time of all frames is unknown; nothing was written")
         raise typer.Exit(2)
     console.print(
         f"{told.n_views} views, {told.n_frames} frames; of the first ones: start {told.start_s:.1f} s, then "

@@ -1,4 +1,4 @@
-"""`bodytrack simulate`: what to expect of one's own cameras before anything is filmed."""
+"""`bodytrack simulate`: what your cameras will achieve, before you film."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ if TYPE_CHECKING:
 
 def simulate(
     rig: Annotated[Path, typer.Option(help="Calibration, in any layout that `rig convert` reads.")],
-    movement: Annotated[str, typer.Option(help="Movement of the model's file.")] = "walk",
+    movement: Annotated[str, typer.Option(help="Movement in the model's file.")] = "walk",
     person: Annotated[
-        float | None, typer.Option(help="Stature to scale the model to, metres; default: its own.", min=0.04, max=5)
+        float | None, typer.Option(help="Stature, metres: scales the model; default: its own.", min=0.04, max=5)
     ] = None,
     model: Annotated[str, typer.Option(help="Bundled body model, or a model file.")] = "gavrila22",
     seconds: Annotated[float, typer.Option(min=0.2, max=600, help="Length.")] = 3.0,
     fps: Annotated[float, typer.Option(min=1, max=1000, help="Frames per second.")] = 25.0,
     noise_grey: Annotated[float, typer.Option(min=0, help="Sensor noise, grey levels.")] = 3.0,
     blur_px: Annotated[float, typer.Option(min=0, help="Lens blur, px.")] = 0.6,
-    exposure_ms: Annotated[float, typer.Option(min=0, help="Shutter time: what moves meanwhile is smeared.")] = 0.0,
-    edge_px: Annotated[float, typer.Option(min=0.05, help="Error of an edge, px: what sigmas are told for.")] = 1.0,
+    exposure_ms: Annotated[float, typer.Option(min=0, help="Shutter time: movements meanwhile are blurred.")] = 0.0,
+    edge_px: Annotated[float, typer.Option(min=0.05, help="Error of an edge, px, for the expected sigmas.")] = 1.0,
     place: Annotated[tuple[float, float] | None, typer.Option(help="Middle of the way, x and y, metres.")] = None,
     heading_deg: Annotated[float | None, typer.Option(help="Direction faced at the start, from x.")] = None,
-    size: Annotated[str | None, typer.Option(help="Image size WxH, where the rig does not tell it.")] = None,
+    size: Annotated[str | None, typer.Option(help="Image size WxH, if the rig does not have it.")] = None,
     output: Annotated[Path | None, typer.Option(help="Folder to make; default results/simulated/MOVEMENT.")] = None,
     tracking: Annotated[bool, typer.Option("--track/--no-track", help="Track the recording, for real errors.")] = True,
     seed: Annotated[int, typer.Option(min=0, help="Chooses the room and the noise.")] = 0,
@@ -68,7 +68,7 @@ def simulate(
     _print_visible(expected)
     _tell_enough(planned, expected)
     console.print(f"written to {folder}: volume.png, prospect.json, videos, run.toml", highlight=False, soft_wrap=True)
-    console.print(f"try the whole way: bodytrack run {config}", highlight=False, soft_wrap=True)
+    console.print(f"to try it all: bodytrack run {config}", highlight=False, soft_wrap=True)
 
 
 def _tell_place(planned: Plan) -> None:
@@ -81,9 +81,9 @@ def _tell_place(planned: Plan) -> None:
         highlight=False,
     )
     areas = sizes({k: planned.floor.area_m2(k) for k in range(2, n + 1)}, "m2")
-    console.print(f"floor on which cameras see the whole body: {areas}", highlight=False)
+    console.print(f"floor area where cameras see the whole body: {areas}", highlight=False)
     if planned.whole < 2:
-        nowhere = "nowhere do two cameras see the whole body: set them back or use wider lenses"
+        nowhere = "no place where two cameras see the whole body: set them back or use wider lenses"
         elsewhere = "two cameras do not see the whole body at --place: choose another one, or leave it out"
         told = elsewhere if planned.floor.area_m2(2) > 0 else nowhere
         console.print(marked("look", told), highlight=False)
@@ -99,7 +99,9 @@ def _tracked(config: Path, folder: Path) -> PersonErrors | None:
     try:
         result = done(load_job("track", config), folder / "tracking")
     except InitializationError as error:
-        console.print(marked("look", f"not found in the recording: {error}"), highlight=False, soft_wrap=True)
+        console.print(
+            marked("look", f"the person is not found in the recording: {error}"), highlight=False, soft_wrap=True
+        )
         return None
     if result.interrupted:
         raise typer.Exit(130)
@@ -115,7 +117,7 @@ def _tracked(config: Path, folder: Path) -> PersonErrors | None:
 
 
 def _print_errors(expected: Prospect, errors: PersonErrors | None) -> None:
-    title = "expected standard deviations, and the errors of tracking the simulated recording with the very body in it"
+    title = "expected standard deviations, and the errors of tracking the simulated recording with the exact body in it"
     table = Table(title=title if errors else "expected standard deviations", title_justify="left")
     for column in ("", "sigma", "worst frame", *(("mean distance, RMS angle",) if errors else ())):
         table.add_column(column, justify="left" if not column else "right")
@@ -164,7 +166,7 @@ def _print_visible(expected: Prospect) -> None:
         colour = "red" if hidden > 0.5 else "yellow" if hidden > 0 else "dim"
         table.add_row(segment.replace("_", " "), *cells, Text(f"{100 * hidden:.0f} %", style=colour))
     console.print(table)
-    console.print("hidden: of the frames, in which fewer than two views show a quarter of it", style="dim")
+    console.print("hidden: share of the frames in which fewer than two views show a quarter of it", style="dim")
 
 
 def _tell_enough(planned: Plan, expected: Prospect) -> None:

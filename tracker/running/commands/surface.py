@@ -64,30 +64,32 @@ def _table(name: str, summaries: Sequence[SurfaceSummary]) -> Table:
 
 
 FOLDER = "strain"
-"""In the folder of the following, where the files are written."""
+"""Folder of the files, in the folder of the following."""
 
 
 def strain(
     followed: Annotated[Path, typer.Argument(help="Result folder of `bodytrack follow`, in space.")],
-    reference: Annotated[int | None, typer.Option(help="Frame that nothing is strained in; default the first.")] = None,
+    reference: Annotated[int | None, typer.Option(help="Frame without strain; default the first.")] = None,
     every: Annotated[int, typer.Option(min=1, help="Every so many frames, and the last one.")] = 10,
     frames: Frames = None,
     gauge_mm: Annotated[
-        float | None, typer.Option(min=0.1, help="Reach of a gauge; default 2.5 times the distance of the points.")
+        float | None, typer.Option(min=0.1, help="Radius of a gauge; default 2.5 times the distance of the points.")
     ] = None,
-    view: Annotated[str | None, typer.Option(help="That the pictures are drawn in; default the middle one.")] = None,
-    body: Annotated[Path | None, typer.Option(help="Result of a run: how far skin slides over its bones.")] = None,
-    person: Annotated[str | None, typer.Option(help="Of --body; default the first.")] = None,
+    view: Annotated[str | None, typer.Option(help="View of the pictures; default the middle one.")] = None,
+    body: Annotated[
+        Path | None, typer.Option(help="Result of a run: measures how far skin slides over its bones.")
+    ] = None,
+    person: Annotated[str | None, typer.Option(help="Person of --body; default the first.")] = None,
     output: Annotated[Path | None, typer.Option(help="Folder; default FOLLOWED/strain.")] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Tells how the surface between followed points is stretched and sheared: a table with sigmas, and colours."""
+    """Measures how the surface between followed points is stretched and sheared: a table with sigmas, and colours."""
     from tracker.foundation.files import check_free
     from tracker.results.result import load_result
     from tracker.running.skin_strain import Asked, strain_followed
 
     if person is not None and body is None:
-        raise ConfigError("--person: is one of a run; name its result by --body")
+        raise ConfigError("--person needs --body: the result of a run")
     folder = output or followed / FOLDER
     check_free([*folder.glob("strain*"), *folder.glob("slides.csv")], overwrite)
     first, behind = _range(frames)

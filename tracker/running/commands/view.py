@@ -15,20 +15,21 @@ if TYPE_CHECKING:
 
 
 def view(
-    what: Annotated[Path, typer.Argument(help="Result folder; or a configuration, to look on while it tracks.")],
+    what: Annotated[Path, typer.Argument(help="Result folder; or a configuration, to watch while it tracks.")],
     set_: Overrides = None,
     port: Annotated[int, typer.Option(min=1, max=65535, help="Port; the next free one if it is taken.")] = 8080,
     place: Annotated[
         int | None, typer.Option(min=0, help="Number of a frame: place the bodies in it by hand, and save a start.")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option(help="Of --place: the start's file; default start.csv beside WHAT, or in exports.")
+        Path | None, typer.Option(help="With --place: the start's file; default start.csv beside WHAT, or in exports.")
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Shows a result, or a run while it tracks, in a browser on this machine; needs viser. Ctrl-C ends it.
 
-    With --place it shows one frame, and you pose the bodies in it: initialization `given` begins from what you save.
+    With --place it shows one frame, and you pose the bodies in it: initialization `given` begins from the poses that
+    you save.
     """
     from tracker.foundation.errors import ConfigError
     from tracker.results.result import load_result
@@ -51,7 +52,7 @@ def view(
 
 
 def _placed(what: Path, overrides: list[str] | None, number: int, written: tuple[Path | None, bool], port: int) -> None:
-    """Poses in a frame of a configuration, or of a result, which has no overrides."""
+    """Poses bodies in a frame of a configuration, or of a result, which takes no overrides."""
     from tracker.foundation.files import check_free
     from tracker.results.exports import EXPORTS
     from tracker.running.viewing.hand_poses import Placing, begun_in_result, begun_in_run
@@ -94,7 +95,9 @@ def _live(config: Path, overrides: list[str], server: Any) -> None:
         live = LiveRun(run, server, progress)
         with contextlib.suppress(KeyboardInterrupt):
             _tell_address(server)
-            console.print("tracks while you look, and writes nothing: `bodytrack run` does", highlight=False)
+            console.print(
+                "this only shows the tracking, and writes nothing; `bodytrack run` writes results", highlight=False
+            )
             while not live.done.is_set():
                 live.viewer.serve(0.5)
             if live.fault is None:

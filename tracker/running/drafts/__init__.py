@@ -1,4 +1,4 @@
-"""Drafts of configurations, from what lies in a folder of recordings: its footage, plates and rig.
+"""Drafts of configurations, for a folder of recordings with its footage, plates and rig.
 
 For `init`; imports readers of rigs and footage.
 """

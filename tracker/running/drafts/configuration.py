@@ -1,4 +1,4 @@
-"""Drafts of configurations: of a run, of what lies in a folder, and of a calibration, of the board that is shown."""
+"""Drafts of configurations: of a run, from a folder of recordings; of a calibration, from pictures of a board."""
 
 from __future__ import annotations
 
@@ -24,42 +24,42 @@ _PLAIN = "images", "frames", "pictures", "raw"
 
 
 _TRIALS_VIDEOS = "videos", "synchronized_videos"
-"""Pose2Sim's folder of a trial holds the one, FreeMoCap's the other."""
+"""Folder of the videos in a trial of Pose2Sim, and of FreeMoCap."""
 
 
 @dataclass(frozen=True)
 class Draft:
-    """What was found, and the text made of it."""
+    """The files found, and the text of the configuration."""
 
     footage: tuple[Footage, ...]
     rig: Path | None
     plates: str
-    """Pattern with `{view}`; empty where there are none."""
+    """Pattern with `{view}`; empty if there are none."""
 
     keypoints: str
-    """Pattern of the folders of 2-D keypoints; empty where there are none."""
+    """Pattern of the folders of 2-D keypoints; empty if there are none."""
 
     world: str
-    """Where the calibration has the floor; empty where there is none."""
+    """Height of the floor in the calibration; empty if it has none."""
 
     remarks: tuple[str, ...]
-    """What is missing or does not fit, in one line each."""
+    """Warnings: missing or unsuitable files, one line each."""
 
     text: str
     """The commented configuration."""
 
 
 def draft(folder: Path, target: Path, rig: Path | None = None) -> Draft:
-    """Finds videos, cameras and plates, and writes down a configuration of them.
+    """Finds videos, cameras and plates, and writes a configuration for them.
 
     Args:
-        folder: of the videos or numbered images, one a view; or of a folder of images, or of videos, for each view.
-        target: where the configuration will lie; paths in it start there.
-        rig: the calibration; None to look for one in the folder and beside it.
+        folder: of the videos or numbered images, one a view; or with a folder of images, or of videos, for each view.
+        target: path of the configuration; paths in it start at its folder.
+        rig: the calibration; None to search in the folder and beside it.
 
     Raises:
         SequenceError: there are no videos or images, or one cannot be read.
-        CalibrationError: the calibration that is given cannot be used, or nothing is called after its cameras.
+        CalibrationError: the given calibration cannot be used, or no file is named after its cameras.
     """
     folder = _of_videos(folder)
     there = sources(folder)
@@ -69,7 +69,7 @@ def draft(folder: Path, target: Path, rig: Path | None = None) -> Draft:
     if not views and found is not None:
         cameras, files = ", ".join(found.rig.names), ", ".join(path.name for path in there[:4])
         raise CalibrationError(
-            f"{found.path}: nothing in {folder} is called after one of its cameras ({cameras}): {files}; rename files "
+            f"{found.path}: no file in {folder} is named after one of its cameras ({cameras}): {files}; rename files "
             "or cameras, or give a table, path = { camera = FILE, ... }"
         )
     footage = tuple(header(path, view) for view, path in sorted(views.items()))
@@ -108,7 +108,7 @@ def draft(folder: Path, target: Path, rig: Path | None = None) -> Draft:
 
 
 def _of_videos(folder: Path) -> Path:
-    """The folder itself, or the one in it that other programs keep a trial's videos in."""
+    """The folder itself, or the folder in it where other programs keep a trial's videos."""
     try:
         sources(folder)
     except SequenceError:
@@ -126,14 +126,14 @@ def _others(what: str, paths: list[Path], setting: str) -> Iterator[str]:
 
 def _remarks(footage: tuple[Footage, ...], found: FoundRig | None, unused: list[Path]) -> Iterator[str]:
     if found is None:
-        yield "no calibration found whose cameras the videos are called after: give it by --rig, or as `rig`"
+        yield "no calibration found with cameras of the videos' names: name one by --rig, or as `rig`"
     else:
         yield from found.told
         yield from world_doubts(found.rig)
         yield from found.wrong_sizes(footage)
         yield from _named(found)
     if unused:
-        yield f"left out, for their names follow another pattern: {', '.join(path.name for path in unused)}"
+        yield f"left out, because their names follow another pattern: {', '.join(path.name for path in unused)}"
     different = len({round(one.fps, 2) for one in footage}) > 1
     if different:
         yield (
@@ -142,23 +142,23 @@ def _remarks(footage: tuple[Footage, ...], found: FoundRig | None, unused: list[
             + "; `bodytrack run THIS --dry-run` says which of them can be read together"
         )
     if any(one.fps == 0 and "{frame}" not in one.path.name for one in footage):
-        yield "videos without a container have no clock: set `fps` to the frames a second that the cameras filmed at"
+        yield "videos without a container have no clock: set `fps` to the frame rate of the cameras"
     if len({one.n_frames for one in footage}) > 1 and not different:
         yield "the views have different numbers of frames: `offsets` and `stop` make them fit"
     if any("{frame}" in one.path.name for one in footage) or any("{frame}" in path.name for path in unused):
-        yield "images do not tell how many there are a second: set `fps`"
+        yield "images have no frame rate: set `fps`"
     if len(footage) == 1:
-        yield "one view: at least two are needed, for one does not tell how far away anybody is"
+        yield "one view: at least two are needed, for one does not show how far away a person is"
 
 
 def _named(found: FoundRig) -> Iterator[str]:
-    """What to know of the names of views and files."""
+    """Warnings about the names of views and files."""
     if absent := sorted(set(found.rig.names) - set(found.views)):
-        yield f"cameras without a recording: {', '.join(absent)}; `views` names those that are used"
+        yield f"cameras without a recording: {', '.join(absent)}; `views` names the others"
     if found.mapped:
         pairs = ", ".join(f"{view} = {source.name}" for view, source in found.views.items())
         how = "GUESSED by their order: check that each camera has its own" if found.guessed else "by their numbers"
-        yield f"the videos are not called after the cameras; {pairs}, {how}; [reading] path says it"
+        yield f"the videos are not named after the cameras; {pairs}, {how}; see [reading] path"
 
 
 def _relative(path: Path, start: Path) -> str:
@@ -166,7 +166,7 @@ def _relative(path: Path, start: Path) -> str:
 
 
 def _name(folder: Path) -> str:
-    """Of the run: that of the folder, or of the one above it if it only says what is in it."""
+    """Name of the run: that of the folder, or of its parent if the folder is only called "videos" or alike."""
     plain = "video" in folder.name.lower() or folder.name.lower() in _PLAIN
     return folder.parent.name if plain and folder.parent.name else folder.name
 
@@ -178,29 +178,29 @@ def _text(
     views: list[str],
     others: tuple[list[str], list[str]],
 ) -> str:
-    """The configuration.
+    """The text of the configuration.
 
     Args:
         name: of the run.
-        path: of the recording, a pattern or a table; and whether the table is guessed.
-        near: other paths by their keys; those that are missing become comments.
-        views: if not all are used.
+        path: of the recording, a pattern or a table; and whether the table is a guess.
+        near: other paths by their keys; missing ones become comments.
+        views: the views to use; empty for all.
         others: further calibrations, and plates.
     """
     told = {key: tomli_w.dumps({key: one}).strip() for key, one in near.items()}
     rig_line = told.get("rig", '# rig = "Calib.toml"                    # missing: the calibration of the cameras')
     images = "{frame}" in str(path[0])
     use = 'use = "images"' if images else 'use = "video"'
-    rate = "# fps = 25.0              # missing: images do not tell how many there are a second\n" if images else ""
+    rate = "# fps = 25.0              # missing: images have no frame rate\n" if images else ""
     keypoint_line = (
-        f"keypoints = {{ path = {_quoted(near['keypoints'])} }}   # 2-D detections: persons are found by them, too"
+        f"keypoints = {{ path = {_quoted(near['keypoints'])} }}   # 2-D detections: the start and the evidence use them"
         if "keypoints" in near
         else f'# keypoints = {{ path = "{USUAL}" }}   # 2-D detections: `bodytrack detect THIS` makes some'
     )
     chosen = f"views = {_quoted(views)}\n" if views else ""
     plate_line = told.get("background", '# background = "background/{view}.png"  # clean plates; else of the recording')
     rigs, plates = (
-        "".join(f"# {key} = {_quoted(one)}   # is there, too\n" for one in paths)
+        "".join(f"# {key} = {_quoted(one)}   # another one\n" for one in paths)
         for key, paths in zip(("rig", "background"), others, strict=True)
     )
     return f"""\
@@ -242,23 +242,23 @@ def _quoted(value: str | list[str]) -> str:
 
 
 _N_PICTURES = 16
-"""Of each view that are looked at."""
+"""Frames of each view to search."""
 
 _N_USED = 400
-"""Frames of a long recording that a calibration looks at: 100 to 200 positions of the board are enough."""
+"""Frames of a long recording for a calibration: 100 to 200 positions of the board are enough."""
 
 _FEWEST_SEEN = 3
-"""Pictures of each view, of those looked at, in which the board should be."""
+"""Number of these pictures in each view that should show the board."""
 
 
 @dataclass(frozen=True)
 class CalibrationDraft:
-    """What was found, and the text made of it."""
+    """The files found, and the text of the configuration."""
 
     footage: tuple[Footage, ...]
     board: FoundBoard
     remarks: tuple[str, ...]
-    """What is missing or does not fit, in one line each."""
+    """Warnings: missing or unsuitable files, one line each."""
 
     text: str
     """The commented configuration."""
@@ -267,13 +267,13 @@ class CalibrationDraft:
 def draft_calibration(
     folder: Path, target: Path, square_m: float | None = None, progress: Progress = silent
 ) -> CalibrationDraft:
-    """Finds the board in recordings, and writes down a configuration of them.
+    """Finds the board in recordings, and writes a configuration of the calibration.
 
     Args:
         folder: of the videos or numbered images, one a view.
-        target: where the configuration will lie; paths in it start there.
-        square_m: side of the board's squares, metres, which no picture tells; None leaves it to be written.
-        progress: told how far it is.
+        target: path of the configuration; paths in it start at its folder.
+        square_m: side of the board's squares, metres, which no picture shows; None leaves it open.
+        progress: gets the pictures searched.
 
     Raises:
         SequenceError: there are no videos or images, or one cannot be read.
@@ -299,7 +299,7 @@ def draft_calibration(
 
 def _missing(square_m: float | None) -> Iterator[str]:
     if square_m is None:
-        yield "no picture tells how long a square is: measure ten of them, and set square_m and marker_m"
+        yield "no picture shows how long a square is: measure ten of them, and set square_m and marker_m"
 
 
 def _board_remarks(board: FoundBoard, footage: tuple[Footage, ...], unused: list[Path]) -> Iterator[str]:
@@ -314,17 +314,17 @@ def _board_remarks(board: FoundBoard, footage: tuple[Footage, ...], unused: list
         seen = [name for name, n in board.n_mirrored.items() if n]
         yield (
             f"{', '.join(seen)}: the mirror image of the board is seen, so both_sides = true: is the board printed on "
-            "both sides, as if seen through? If it is not, switch off what mirrors these cameras' pictures"
+            "both sides, as if seen through? If it is not, switch off the mirroring of these cameras' pictures"
         )
     elif mirrored:
-        yield f"{', '.join(mirrored)}: only the mirror image of the board is seen: switch off what mirrors the pictures"
+        yield f"{', '.join(mirrored)}: only the board's mirror image is seen: switch off the mirroring of the pictures"
     pattern = board.pattern
     if pattern.marker is None and (pattern.columns + pattern.rows) % 2 == 0:
         yield "this chessboard looks the same from both ends; a ChArUco board, or one more column, is safer"
     if len({one.n_frames for one in footage if one.n_frames}) > 1:
         yield "the views have different numbers of frames: `offsets` and `stop` make them fit"
     if unused:
-        yield f"left out, for their names follow another pattern: {', '.join(path.name for path in unused)}"
+        yield f"left out, because their names follow another pattern: {', '.join(path.name for path in unused)}"
     if len(footage) == 1:
         yield "one view: its lens is calibrated, but no rig; expected a recording of each camera"
 
@@ -335,7 +335,7 @@ def _board_text(name: str, path: str, footage: tuple[Footage, ...], board: Found
     most = max(one.n_frames for one in footage)
     stride = max(1, most // _N_USED)
     lines = [f"stride = {stride}                  # of {most} frames"] if stride > 1 else []
-    lines += ["fps = 25.0                  # images need some; it does not matter here"] if images else []
+    lines += ["fps = 25.0                  # images need a value; any will do here"] if images else []
     return f"""\
 #:schema ./{SCHEMA}
 # Written by `bodytrack calibrate init`. `bodytrack calibrate chessboard THIS` calibrates.
@@ -373,7 +373,7 @@ def _board_lines(board: FoundBoard, square_m: float | None) -> str:
     if square_m is None:
         lines.append("# square_m = 0.0            # missing: the side of a square, metres; measure ten of them")
     else:
-        lines.append(f"square_m = {square_m:g}            # as told; it is the scale of everything")
+        lines.append(f"square_m = {square_m:g}            # as given; it is the scale of everything")
     if pattern.marker is not None:
         seen = f"the pictures show about {pattern.marker:.2f} of a square"
         if square_m is None:

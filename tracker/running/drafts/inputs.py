@@ -1,4 +1,4 @@
-"""What lies near a recording: calibrations and whose camera each file is, clean plates, 2-D keypoints."""
+"""Files near a recording: calibrations and their cameras' files, clean plates, 2-D keypoints."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ _KEYPOINT_WORDS = (*KEYPOINT_WORDS, "pose")
 """Pose2Sim's folder is called `pose`."""
 
 _MOST_FILES = 400
-"""Of a folder that are looked at: a folder of keypoints or plates has one a view, or some."""
+"""Number of entries of a folder to look at: a folder of keypoints or plates has one a view, or some."""
 
 
 def found_keypoints(folder: Path, footage: Sequence[Footage]) -> list[Path]:
-    """Patterns with `{view}` of folders that each view has, near the recording; the most telling names first.
+    """Patterns with `{view}` of folders that each view has, near the recording; the best names first.
 
     Args:
         folder: of the recording.
@@ -47,7 +47,7 @@ def found_keypoints(folder: Path, footage: Sequence[Footage]) -> list[Path]:
 
 
 def _places(folder: Path) -> Iterator[Path]:
-    """Folders whose names say that keypoints are in them, beside the videos and above them."""
+    """Folders with a name for keypoints, beside the videos and above them."""
     for place in (folder, folder.resolve().parent):
         yield from (path for path in _some(place) if path.is_dir() and says(path.name, _KEYPOINT_WORDS))
 
@@ -75,33 +75,33 @@ def _some(folder: Path) -> list[Path]:
 
 @dataclass(frozen=True)
 class Plates:
-    """What was found."""
+    """Plates near a recording."""
 
     pattern: Path | None
-    """With `{view}`."""
+    """Pattern with `{view}`."""
 
     lacking: tuple[str, ...]
-    """Views that have none."""
+    """Views without a plate."""
 
     others: tuple[Path, ...]
-    """Patterns of other ones that have as many views."""
+    """Patterns of other plates, for as many views."""
 
     wrong_sizes: tuple[str, ...]
-    """Plates that are not as large as the images."""
+    """Plates of another size than the images."""
 
     @property
     def whole(self) -> bool:
-        """Whether each view has one."""
+        """Whether each view has a plate."""
         return self.pattern is not None and not self.lacking
 
     def told(self) -> Iterator[str]:
-        """What is missing, does not fit, or could be chosen."""
+        """Warnings: missing or unsuitable plates, or a choice."""
         if self.pattern is None:
-            yield "no plates found: film the empty room for some seconds; else they are made of the recording"
+            yield "no plates found: film the empty room for some seconds; else the recording makes them"
         elif self.lacking:
             yield (
-                f"{self.pattern} has no plate of {', '.join(self.lacking)}: add what is missing and set `background`, "
-                "or leave these views out with `views`; else plates are made of the recording"
+                f"{self.pattern} has no plate of {', '.join(self.lacking)}: add the missing ones and set `background`, "
+                "or leave these views out with `views`; else the recording makes plates"
             )
         yield from self.wrong_sizes
         if self.others:
@@ -139,7 +139,7 @@ def _files(pattern: Path, views: dict[str, Footage]) -> dict[str, Path]:
 
 
 def _candidates(folder: Path) -> Iterator[tuple[Path, Path]]:
-    """Files that may be plates, each with the folder that its pattern starts from: their names or folders say so."""
+    """Files that may be plates by their name or folder, each with the folder where its pattern starts."""
     for place in (folder, folder.resolve().parent):
         for path in _some(place):
             if path.is_dir():
@@ -160,7 +160,7 @@ def _is_plate(path: Path) -> bool:
 
 
 def _size(path: Path) -> tuple[int, int] | None:
-    """Width and height of a picture or a clip; None where it cannot be read, which is told where it is used."""
+    """Width and height of a picture or a clip; None if it cannot be read, which is reported where it is used."""
     try:
         if path.suffix.lower() in VIDEOS:
             return header(path, "").size
@@ -187,7 +187,7 @@ _ENDINGS = {".toml", ".json", ".txt", ".xml", ".yml", ".yaml", ".pickle", ".xcp"
 _RIG_WORDS = "calib", "rig", "camera", "intri", "extri"
 
 _FEWEST = 2
-"""Views that are called after cameras; one alone may be so by chance, for cameras are called `1`."""
+"""Views that are named after cameras; one alone may be so by chance, because cameras are called `1`."""
 
 
 @dataclass(frozen=True)
@@ -197,22 +197,22 @@ class FoundRig:
     path: Path
     rig: Rig
     told: tuple[str, ...]
-    """What whoever uses its file must know."""
+    """Warnings about its file."""
 
     pattern: Path
-    """Of the files; that of a table is of no use."""
+    """Pattern of the files; a table has none."""
 
     views: dict[str, Path]
     """View -> file, or pattern of images."""
 
     mapped: bool = False
-    """Whether files are not called after the cameras, so that a table says which is which."""
+    """Whether files are not named after the cameras, so that a table assigns them."""
 
     guessed: bool = False
-    """Whether that table is guessed by the order of names."""
+    """Whether that table is a guess by the order of names."""
 
     def wrong_sizes(self, footage: Sequence[Footage]) -> Iterator[str]:
-        """Views whose images are not as large as they were calibrated."""
+        """Views with images of another size than calibrated."""
         for one in footage:
             if one.size != (size := self.rig.cameras[self.rig.index(one.view)].size):
                 told = f"{one.path.name}: {one.size[0]}x{one.size[1]} px, but calibrated at {size[0]}x{size[1]}"
@@ -221,12 +221,12 @@ class FoundRig:
 
 
 def given_rig(path: Path, there: list[Path], folder: Path) -> FoundRig:
-    """The calibration that was asked for.
+    """The given calibration.
 
     Args:
         path: of its file.
         there: the videos, or patterns of images.
-        folder: they lie in.
+        folder: their folder.
 
     Raises:
         CalibrationError: it cannot be used.
@@ -236,17 +236,17 @@ def given_rig(path: Path, there: list[Path], folder: Path) -> FoundRig:
 
 
 def found_rigs(folder: Path, there: list[Path]) -> tuple[list[FoundRig], list[str]]:
-    """The calibrations near a recording that its files fit: first the one whose cameras most are called after.
+    """The calibrations near a recording that fit its files, the best one first.
 
-    Of those, the one whose image sizes fit most. Where none is, those with as many cameras as there are files,
-    whichever these are called.
+    The best one has most cameras of the files' names, and among equals most equal image sizes. If no name fits, it has
+    as many cameras as there are files.
 
     Args:
         folder: of the recording.
         there: the videos, or patterns of images.
 
     Returns:
-        The calibrations, and why files that are called so are none, if nothing else was found.
+        The calibrations; and the faults of files with a calibration's name, if there are no others.
     """
     found: list[FoundRig] = []
     faults: list[str] = []
@@ -266,19 +266,19 @@ def found_rigs(folder: Path, there: list[Path]) -> tuple[list[FoundRig], list[st
 
 
 def _n_views_fitting(found: FoundRig) -> int:
-    """How many views have images as large as they were calibrated."""
+    """Number of views with images of the calibrated size."""
     sizes = {camera.name: camera.size for camera in found.rig.cameras}
     n_fitting = 0
     for view, source in found.views.items():
         try:
             n_fitting += header(source, view).size == sizes[view]
-        except SequenceError:  # what cannot be read is told where it is used
+        except SequenceError:  # faults of a file are reported where it is used
             continue
     return n_fitting
 
 
 def _near(folder: Path) -> Iterator[Path]:
-    """Files and folders that may be calibrations: in the folder, in the one it lies in, and in those called so."""
+    """Files and folders that may be calibrations: in the folder, in its parent, and in folders of that name."""
     for place in (folder, folder.resolve().parent):
         inner = sorted(path for path in listed(place) if path.is_dir() and _says_so(path.name))
         for one in (place, *inner):
@@ -305,7 +305,7 @@ def _with_views(found: FoundRig, there: list[Path], folder: Path) -> FoundRig:
 
 
 def _by_key(files: dict[str, Path], names: tuple[str, ...]) -> dict[str, Path]:
-    """Camera -> file, where their names are the same but for capitals, or their last numbers are; else nothing."""
+    """Camera -> file, if their names are equal except for capitals, or their last numbers are; else empty."""
     for key in (str.casefold, _last_number):
         of_files = {key(name): path for name, path in files.items()}
         of_cameras = {key(name): name for name in names}
@@ -320,7 +320,7 @@ def _last_number(name: str) -> str:
 
 
 def _order(name: str) -> list[tuple[int, str]]:
-    """By which names with numbers are in their order: cam_2 before cam_10."""
+    """Key that sorts names with numbers: cam_2 before cam_10."""
     return [(int(step), "") if step.isdigit() else (-1, step) for step in re.split(r"(\d+)", name.casefold())]
 
 

@@ -55,11 +55,11 @@ class Job(Protocol):
     """A component whose fields are the sections of its configuration."""
 
     resumable: ClassVar[bool]
-    """Whether an interrupted one can be continued; what it opens has the recording as its `sequence` then."""
+    """Whether an interrupted job can be continued; the opened inputs then have the recording as `sequence`."""
 
     @property
     def name(self) -> str:
-        """Of the results."""
+        """Name of the results."""
         ...
 
     def open(self, earlier: Path | None = None) -> Any:
@@ -80,15 +80,15 @@ class Job(Protocol):
         """Computes and writes the results.
 
         Args:
-            opened: what `open` has returned.
-            folder: where they go; `keep()` is called with the first one.
+            opened: the inputs, from `open`.
+            folder: the results' folder; the job calls `keep()` with the first result.
             progress: told how far it is.
 
         Returns:
             What was found, in numbers.
 
         Raises:
-            TrackerError: what was computed before it stays.
+            TrackerError: the results so far stay.
         """
         ...
 
@@ -112,10 +112,10 @@ def job_from(use: str, table: Table, source: str, folder: Path, name: str) -> An
 
     Args:
         use: the job.
-        table: its sections; `job`, if it is there, must be the same.
+        table: its sections; the key `job` may name the same job.
         source: of the table, for messages.
         folder: where relative paths start.
-        name: of the job if the table has none.
+        name: of the job, if the table has none.
 
     Raises:
         ConfigError: names section, key and the nearest valid one.
@@ -132,25 +132,25 @@ def job_from(use: str, table: Table, source: str, folder: Path, name: str) -> An
 
 
 def described(job: Job) -> Table:
-    """The resolved configuration; `job_from` makes an equal job of it, from anywhere."""
+    """The resolved configuration; `job_from` makes an equal job of it, from any folder."""
     return {"job": component_name(type(job)), **described_fields(job)}
 
 
 def execute(job: Job, output: Path | None = None, resume: bool = False, progress: Progress = silent) -> Any:
-    """Does a job: opens its inputs, makes its folder, and writes its results there.
+    """Runs a job: opens its inputs, makes its folder, and writes its results there.
 
     Args:
-        job: what to do.
+        job: the job to run.
         output: result folder; None for `results/<name>/<time>`, with the link `latest`.
-        resume: continue an interrupted job in `output`, or in the latest folder, to the same result; to the same bits
-            on the same machine with the same versions of the libraries, else but for rounding.
+        resume: continue an interrupted job in `output`, or in the latest folder. The result is the same to the bit on
+            the same machine with the same versions of the libraries; elsewhere it differs by rounding.
         progress: told how far it is.
 
     Returns:
-        What the job found, in numbers.
+        The job's summary, in numbers.
 
     Raises:
-        TrackerError: nothing is left then if nothing was computed before.
+        TrackerError: the folder is removed if nothing was computed before.
     """
     if resume:
         return _resumed(job, interrupted_folder(job.name, output), progress)
@@ -189,14 +189,14 @@ def _inputs(job: Job, opened: Any) -> Fingerprints:
 
 
 def _tell(remarks: Sequence[logging.LogRecord], progress: Progress) -> None:
-    """What was found on opening, before there is a log."""
+    """Writes what opening the inputs logged before there was a log file."""
     for remark in remarks:
         if remark.levelno >= logging.WARNING:
             progress(remark.getMessage())
 
 
 def versions() -> dict[str, str]:
-    """What a result was made with."""
+    """Versions of the program and its libraries, for the record."""
     found = {"python": platform.python_version(), "platform": platform.platform()}
     for package in ("bodytrack", "numpy", "scipy", "opencv-python-headless", "av"):
         try:

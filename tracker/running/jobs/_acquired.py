@@ -1,4 +1,4 @@
-"""What every acquisition leaves: a model, a picture of it over the images, and its figures."""
+"""Results of every acquisition: a model, a picture of it over the images, and its figures."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from tracker.foundation.configuration.tables import Table
 from tracker.foundation.files import replacing, write_json
 
 MODEL = "model.toml"
-"""The acquired model in a result folder; picture and figures lie beside it under the same stem."""
+"""File of the acquired model; its picture and figures have the same stem."""
 
 
 @dataclass(frozen=True)
 class AcquireOutcome:
-    """What was acquired, in numbers."""
+    """Figures of an acquisition."""
 
     model: Path
     picture: Path
@@ -38,13 +38,13 @@ class AcquireOutcome:
     """Silhouette intersection over union of each view."""
 
     before: dict[str, float]
-    """The same with the model begun with, only scaled and posed; empty where not known."""
+    """The same with the initial model, only scaled and posed; empty if unknown."""
 
     turns_deg: tuple[float, ...]
     """Measured turns between front and side."""
 
     contour_rms_mm: float
-    """Of contours, or of measured points."""
+    """Root mean square of the distances to contours, or to measured points."""
 
     parts: tuple[PartResidual, ...]
     bones: tuple[BoneLength, ...]
@@ -53,7 +53,7 @@ class AcquireOutcome:
 
     @property
     def folder(self) -> Path:
-        """Where the files are."""
+        """Paths of the files."""
         return self.model.parent
 
     def as_dict(self) -> dict[str, Any]:
@@ -63,7 +63,7 @@ class AcquireOutcome:
 
 @dataclass(frozen=True)
 class Acquired:
-    """A fit, and what is to be shown of it."""
+    """A fit, with its pictures."""
 
     name: str
     about: str

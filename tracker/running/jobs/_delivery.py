@@ -1,4 +1,4 @@
-"""What a run of cameras that film now cannot do, for its frames come but once."""
+"""Limits of a run of live cameras, whose frames come only once; images brightened, smoothed and brought in step."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ __all__ = ["LiveCounts", "counts_of", "is_live", "patiently", "settings_missing"
 
 
 def is_live(read: Any) -> bool:
-    """Whether a reading, or what it opens, is of cameras that film now."""
+    """Whether a reading, or its opened recording, is of live cameras."""
     return bool(getattr(read, "live", False))
 
 
 def settings_missing(job: Any) -> Iterator[str]:
-    """Settings of a tracking job that look at frames twice, as they must be for cameras that film now."""
+    """Settings that a job of live cameras lacks: it gets each frame once."""
     if job.passes != 1:
         yield "passes = 1"
     if job.inspection:
@@ -49,47 +49,48 @@ def settings_missing(job: Any) -> Iterator[str]:
 
 
 def timed(steps: Iterable[Step], counts: LiveCounts) -> Iterator[Step]:
-    """The steps as they come, counted when their poses are there."""
+    """The steps as they come, counted when their poses are ready."""
     for step in steps:
         counts.done(step.frame.time_s)
         yield step
 
 
 def patiently(cycle: Cycle, sequence: Sequence) -> Cycle:
-    """The cycle that waits for somebody to come before cameras that film now, however long that takes."""
+    """The cycle that waits, however long, until a person comes before the live cameras."""
     return replace(cycle, loss=replace(cycle.loss, start_within=sequence.n_frames))
 
 
 _BRIGHT_GREY, _WHITE_GREY = 130.0, 240.0
-"""Largest channel of half of the pixels of an image, and of all but a hundredth, that dark ones are brought to,
-whichever asks for less. Recordings of `BODYTRACK_DATA` have 117 to 144, and 145 to 255."""
+"""Largest channel that half of the pixels of an image, and all except a hundredth, reach after brightening; the smaller
+gain counts. Recordings of `BODYTRACK_DATA` have 117 to 144, and 145 to 255."""
 
 _DARK = 1.4
-"""Gain below which images are left as they are. A dance that asks for 2.9 was tracked 65 mm (49) off, with a joint off
-in 55 of 64 frames, for what differs from a plate is 14 grey levels at least."""
+"""Gain below which images are left as they are. A dance that needs a gain of 2.9 was tracked 65 mm (49) off, with a
+joint off in 55 of 64 frames: a difference from a plate counts from 14 grey levels."""
 
 _MOST_GAIN = 5.0
-"""Of darker images rounding leaves little."""
+"""In darker images rounding leaves little."""
 
 _BLACK_FRAMES = 100
-"""Looked at where the first image is darker than that, for some that are not."""
+"""If the first image is darker than that, images are compared with those that are not."""
 
 _NOISY_GREY = 2.0
-"""Noise of images that are smoothed, grey levels. Recordings of `BODYTRACK_DATA` have up to 1.1. Of 3.1 a dance was
-tracked 34 mm (28) off, with a joint off in 32 of 64 frames; of 6.3 nobody was found, though plates were there."""
+"""Noise of images that are smoothed, grey levels. Recordings of `BODYTRACK_DATA` have up to 1.1. With noise of 3.1 a
+dance was tracked 34 mm (28) off, with a joint off in 32 of 64 frames; with 6.3 nobody was found, though plates were
+there."""
 
 _ROUGH_GREY = 5.8
-"""By how much images that are smoothed differ from clean plates where nothing has changed, grey levels: noise, and what
-a codec does. Recordings of `BODYTRACK_DATA` have up to 5.2; a dance compressed until one sees it had 7, and was tracked
-28 mm (22) off, with a joint off in 23 frames."""
+"""Difference of images from clean plates where nothing has changed, grey levels, from which images are smoothed: noise,
+and effects of a codec. Recordings of `BODYTRACK_DATA` have up to 5.2. A dance compressed until it shows had 7, and was
+tracked 28 mm (22) off, with a joint off in 23 frames."""
 
 _SMOOTHING_PX = 1.0
-"""Of noisy images, px as recorded. Smoothed, those dances were tracked 17 to 20 mm (10 to 12) off, as without noise, no
-joint off in any frame; where there is none it costs some 2 mm (1)."""
+"""Smoothing of noisy images, px as recorded. Smoothed, those dances were tracked 17 to 20 mm (10 to 12) off, as without
+noise, with no joint off in any frame. Without noise smoothing costs some 2 mm (1)."""
 
 
 def sized(reading: Reading) -> Reading:
-    """A reading that makes images as large as fits how high the cameras show persons, if it does not say how."""
+    """A reading that enlarges or averages images by the height of the persons in them, unless it says how."""
     if getattr(reading, "downscale", 1) is not None:
         return reading
     settings: Any = reading  # of whatever kind, it has a rig and views
@@ -102,9 +103,7 @@ def sized(reading: Reading) -> Reading:
 
 
 def opened_even(reading: Reading) -> Sequence:
-    """The recording, opened, its images brighter where they are dark, smoothed where they are noisy.
-
-    What the reading says of either stays.
+    """The opened recording: dark images are made brighter, noisy ones smoothed, unless the reading sets either.
 
     Raises:
         TrackerError: it cannot be opened, see `tracker.images.reading.Reading.open`.
@@ -121,9 +120,9 @@ def opened_even(reading: Reading) -> Sequence:
 
 
 def chosen_settings(reading: Any, sequence: Sequence) -> dict[str, float]:
-    """`gain` and `smoothing_px` of a recording that was opened, where its reading leaves them open and has chosen some.
+    """`gain` and `smoothing_px` that an opened recording chose where its reading leaves them open.
 
-    Opened with them as settings it has the same images.
+    With these settings it opens with the same images.
     """
     usual = {"gain": 1.0, "smoothing_px": 0.0}
     has = {name: float(getattr(sequence, name, value)) for name, value in usual.items()}
@@ -131,7 +130,7 @@ def chosen_settings(reading: Any, sequence: Sequence) -> dict[str, float]:
 
 
 def _first(sequence: Sequence, n_frames: int) -> list[Frame]:
-    """So many frames from the first on that is not black, as before a lamp is on; the first ones if all are."""
+    """The first frames that are not black, as before a lamp is on; the first ones if all are."""
     try:
         frames = list(islice(sequence.frames(), n_frames))
         if frames and _gain_of(frames[0]) > _MOST_GAIN:
@@ -143,12 +142,12 @@ def _first(sequence: Sequence, n_frames: int) -> list[Frame]:
 
 
 def _gain(sequence: Sequence) -> float:
-    """What makes the first images as bright as usual; 1 where there are none."""
+    """Gain that makes the first images as bright as usual; 1 if there are none."""
     return float(np.clip(max(map(_gain_of, _first(sequence, 1)), default=1.0), 1.0, _MOST_GAIN))
 
 
 def _gain_of(frame: Frame) -> float:
-    """What makes images as bright as usual, the median of the views; 1 where there are none."""
+    """Gain that makes images as bright as usual, the median of the views; 1 if there are none."""
     images = [image for image in frame.images if image is not None]
     levels = [np.percentile(image[::4, ::4].max(axis=2), (50, 99)) for image in images]
     gains = [min(_BRIGHT_GREY / max(half, 1.0), _WHITE_GREY / max(most, 1.0)) for half, most in levels]
@@ -171,7 +170,7 @@ def _is_noisy(sequence: Sequence) -> bool:
 
 
 def delivered(sequence: Sequence) -> str:
-    """What was done to the images of a recording before they are looked at; empty for nothing."""
+    """Changes of the images of a recording before they are used; empty for none."""
     factor, sigma_px = sequence.rig.cameras[0].downscale, getattr(sequence, "smoothing_px", 0.0)
     gain, told = getattr(sequence, "gain", 1.0), []
     if factor != 1:
@@ -185,25 +184,25 @@ def delivered(sequence: Sequence) -> str:
 
 
 MOST_ROUNDS = 3
-"""Of looking, correcting and looking again: views that overlap more tell what is left."""
+"""Rounds of measuring and correcting: views that overlap more show the remaining delay."""
 
 _FEWEST_FRAMES = 20
-"""Of a recording of which it is said that they do not tell."""
+"""For a recording whose views cannot be compared."""
 
 _SETTINGS = ("offsets", "start", "stop", "on_missing")
-"""Of a reading, by which delays are corrected."""
+"""Key of a reading that corrects delays."""
 
 
 def in_step(reading: Reading, sequence: Sequence, seen: Survey) -> Reading | None:
-    """The reading with the offsets that bring its views in step; None where they are, or are to stay as they are.
+    """The reading with the offsets that bring its views in step; None if they are in step, or shall stay as they are.
 
-    Frames keep the numbers that they have in most views. The first and the last ones are left out where a view has no
+    Frames keep the numbers that they have in most views. The first and the last frames are left out if a view has no
     image of them.
 
     Args:
-        reading: how the recording is read.
-        sequence: the recording, opened so.
-        seen: what its first frames show.
+        reading: settings of the recording.
+        sequence: the recording, opened with them.
+        seen: findings in its first frames.
     """
     settings: Any = reading
     if not brings(reading):
@@ -226,12 +225,12 @@ def in_step(reading: Reading, sequence: Sequence, seen: Survey) -> Reading | Non
 
 
 def brings(reading: Reading) -> bool:
-    """Whether views that are late are to be brought in step, and poses to one moment."""
+    """Whether to bring late views in step, and poses to one moment."""
     return getattr(reading, "in_step", "off") != "off"
 
 
 def untold(seen: Survey) -> str:
-    """What is said of views of which nothing tells whether they are in step; empty if there are none."""
+    """Warning about views that nothing compares; empty if there are none."""
     told = seen.delays.told
     if told.all() or len(seen.foregrounds) < _FEWEST_FRAMES:
         return ""
@@ -242,7 +241,7 @@ def untold(seen: Survey) -> str:
 
 
 def corrections(asked: Any, reading: Any) -> dict[str, Any]:
-    """The settings of a reading in which it differs from what was asked for, as `run.json` keeps them."""
+    """The settings of a reading that differ from the configuration, as `run.json` keeps them."""
     return {
         name: getattr(reading, name)
         for name in _SETTINGS
@@ -251,10 +250,10 @@ def corrections(asked: Any, reading: Any) -> dict[str, Any]:
 
 
 def corrected_before(reading: Reading, folder: Path | None) -> Reading:
-    """A reading with what an interrupted run has corrected; as it is if that has corrected, or kept, nothing.
+    """A reading with the corrections of an interrupted run; unchanged if that run corrected, or kept, nothing.
 
     Args:
-        reading: how the recording is to be read.
+        reading: settings of the recording.
         folder: result of the interrupted run; None for none.
     """
     try:
@@ -267,7 +266,7 @@ def corrected_before(reading: Reading, folder: Path | None) -> Reading:
 
 
 def told_of_delays(asked: Any, reading: Any) -> str:
-    """What was corrected, in words; empty for nothing."""
+    """The corrections, in words; empty for none."""
     before, now = getattr(asked, "offsets", {}), getattr(reading, "offsets", {})
     views = [f"{name} {_words(before.get(name, 0), one)}" for name, one in now.items() if one != before.get(name, 0)]
     return f"views brought in step: {', '.join(views)}" if views else ""

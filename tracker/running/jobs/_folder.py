@@ -1,4 +1,4 @@
-"""Result folders: each belongs to one job, and stays only if something came of it."""
+"""Result folders: each belongs to one job, and stays only if the job computed something."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ _SIGNALS = signal.SIGINT, signal.SIGTERM
 
 
 class Stop:
-    """Whether a job has been asked to stop."""
+    """Whether a job shall stop."""
 
     def __init__(self) -> None:
         self.asked = False
         self.patient = False
-        """Whether there is something to be finished; without it, the first request ends the job."""
+        """Whether there is a frame to finish; otherwise the first request ends the job."""
 
     def heard(self) -> bool:
-        """Whether it was asked, for those who then end soon with what they have."""
+        """Whether it was asked to stop; the job then ends soon, with what it has."""
         self.patient = True
         return self.asked
 
     def ask(self, number: int = 0, frame: FrameType | None = None) -> None:
-        """Asks; whoever asks twice does not want to wait.
+        """Asks it to stop; a second request does not wait.
 
         Raises:
-            KeyboardInterrupt: it was asked before, or nothing is to be finished.
+            KeyboardInterrupt: it was asked before, or there is nothing to finish.
         """
         if self.asked or not self.patient:
             raise KeyboardInterrupt
@@ -49,7 +49,7 @@ class Stop:
 
 @contextlib.contextmanager
 def stopping(stop: Stop | None = None) -> Iterator[Stop]:
-    """Takes signals as a request to stop; in a thread of a program that has others, the program decides."""
+    """Takes signals as a request to stop, except in a thread of another program, which decides itself."""
     stop = stop or Stop()
     if threading.current_thread() is not threading.main_thread():
         yield stop
@@ -63,7 +63,7 @@ def stopping(stop: Stop | None = None) -> Iterator[Stop]:
 
 
 CONFIG = "config.toml"
-"""The resolved configuration in a result folder; whoever creates it owns the folder."""
+"""The resolved configuration in a result folder; the job that creates it owns the folder."""
 
 LOG = "log.txt"
 
@@ -76,14 +76,14 @@ class ResultFolder:
 
     path: Path
     latest: bool
-    """Whether the link `latest` beside it is to show it."""
+    """Whether the link `latest` beside it shall point at it."""
 
     kept: bool = False
     inputs: Mapping[str, str] = field(default_factory=dict)
     """Fingerprints of the files that the job reads."""
 
     def keep(self) -> None:
-        """Something has been computed: from now on what is there stays, whatever happens."""
+        """The job has computed something: from now on its files stay, whatever happens."""
         if not self.kept:
             self.kept = True
             if self.latest:
@@ -91,14 +91,14 @@ class ResultFolder:
 
 
 def check_output(name: str, output: Path | None) -> None:
-    """Refuses an output that cannot be a result folder, before anything is computed for it.
+    """Refuses an output that cannot be a result folder, before the job computes anything.
 
     Args:
         name: of the job.
         output: the folder asked for; None for a dated one.
 
     Raises:
-        ConfigError: it holds something or is a file, or the name is none for a folder.
+        ConfigError: it is a file or not empty, or no folder can have the name.
     """
     if fault := name_fault(name):
         raise ConfigError(f"name = {fault}; results go to results/NAME/TIME")
@@ -123,11 +123,11 @@ def interrupted_folder(name: str, output: Path | None) -> Path:
 
 @contextlib.contextmanager
 def result_folder(name: str, output: Path | None) -> Iterator[ResultFolder]:
-    """A folder of the job's own; if it fails before `keep()`, everything is as it was before.
+    """Makes a folder for the job; if the job fails before `keep()`, everything is as it was before.
 
     Args:
         name: of the job.
-        output: the folder; None for `results/NAME/TIME`, which gets a number if another job has taken that.
+        output: the folder; None for `results/NAME/TIME`, with a number if another job has that folder.
 
     Raises:
         ConfigError: the folder holds something, or another job has just taken it.
@@ -151,7 +151,7 @@ def result_folder(name: str, output: Path | None) -> Iterator[ResultFolder]:
 
 
 def _new(wanted: Path) -> Path:
-    """A folder that nobody else has: making a directory either succeeds or tells that it was there."""
+    """A folder that no other job has: creating it succeeds, or fails if it exists."""
     path, k = wanted, 1
     while True:
         try:
@@ -176,7 +176,7 @@ def _claimed(output: Path) -> Path:
 
 
 def begin_anew(folder: Path) -> None:
-    """Removes what a job has left that was stopped before it computed anything.
+    """Removes the folder of a job that was stopped before it computed anything.
 
     Raises:
         ConfigError: another job is at work there.
@@ -194,7 +194,7 @@ def _emptied(folder: Path) -> None:
 
 
 def link_latest(folder: Path) -> None:
-    """Points the link `latest` beside a folder at it, at once."""
+    """Points the link `latest` beside a folder at it, in one step."""
     link = folder.parent / "latest"
     with contextlib.suppress(OSError):  # a file system without links has no `latest`
         scratch = Path(tempfile.mkdtemp(prefix=".latest-", dir=folder.parent))
@@ -207,7 +207,7 @@ def link_latest(folder: Path) -> None:
 
 @contextlib.contextmanager
 def logged(folder: Path) -> Iterator[None]:
-    """Writes the log to `log.txt` in a folder, and keeps other jobs from writing there meanwhile.
+    """Writes the log to `log.txt` in a folder, and keeps other jobs out of it meanwhile.
 
     Raises:
         ConfigError: another job is at work there.
@@ -226,11 +226,11 @@ def logged(folder: Path) -> Iterator[None]:
 
 class _Log(logging.StreamHandler[TextIO]):
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - the library's name
-        """A disk that is full is told where results are written; the log need not show tracebacks of its own."""
+        """The job reports a full disk where it writes results; the log shows no tracebacks of its own."""
 
 
 def _lock(file: TextIO, folder: Path) -> None:
-    """Locks a file until it is closed, at the latest when the process ends, however it ends."""
+    """Locks a file until it is closed, or until the process ends, however it ends."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
@@ -241,7 +241,7 @@ def _lock(file: TextIO, folder: Path) -> None:
 
 @contextlib.contextmanager
 def remembered() -> Iterator[list[logging.LogRecord]]:
-    """Keeps what is logged before there is a folder for it."""
+    """Keeps log messages until there is a folder for them."""
     handler = _Memory()
     log.addHandler(handler)
     try:

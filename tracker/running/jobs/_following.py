@@ -1,4 +1,4 @@
-"""What a following begins with, records frame by frame, and leaves: points, sightings, pictures and tables."""
+"""Start, record and results of a following: points, sightings, pictures and tables."""
 
 from __future__ import annotations
 
@@ -62,38 +62,38 @@ _NO_NEW = "no new surface could be measured"
 
 
 def position(place: object) -> object:
-    """What was clicked, whole numbers as fractions; anything else as it is."""
+    """Clicked coordinates: whole numbers become fractions; anything else stays."""
     return tuple(map(float, place)) if isinstance(place, tuple | list) and len(place) == 2 else place
 
 
 @dataclass(frozen=True)
 class Born:
-    """What is followed from a frame on."""
+    """The points that are followed from a frame on."""
 
     surface: SurfaceMeasurement
-    """How the surface is measured that points are born on."""
+    """Settings of the surface on which points are born."""
 
     following: Following
-    """How they are followed."""
+    """Settings of the following."""
 
     rig: Rig
-    """The cameras, one for 2-D mode."""
+    """The cameras; one in 2-D mode."""
 
     places: Places
-    """Clicked in the first frame, px; empty for all that it shows."""
+    """Clicked in the first frame, px; empty for all visible points."""
 
     warnings: list[str]
-    """What is doubtful of a surface is added."""
+    """Warnings; those about a surface are added."""
 
     def first(self, frame: Frame, greys: tuple[Image | None, ...]) -> NewPoints:
         """Points of the first frame.
 
         Args:
             frame: as recorded.
-            greys: its images as they are matched.
+            greys: its images, prepared for matching.
 
         Raises:
-            TrackerError: there is no surface, or no room for what is clicked.
+            TrackerError: there is no surface, or no room around a clicked point.
         """
         names = list(self.places) if isinstance(self.places, dict) else [str(k) for k in range(len(self.places))]
         places = list(self.places.values()) if isinstance(self.places, dict) else list(self.places)
@@ -106,7 +106,7 @@ class Born:
         return given_points(surface, self.surface, at, names) if len(at) else points_of_surface(surface)
 
     def _measured(self, frame: Frame) -> Surface:
-        """A surface of which each point is where its pixels are: no centre of gravity of several can be followed."""
+        """A surface whose points are centres of their pixels: a centre of gravity of several cannot be followed."""
         surface = measure_surface(replace(self.surface, voxel_mm=None), frame, self.rig)
         if self.surface.voxel_mm is None:
             return surface
@@ -127,7 +127,7 @@ class Born:
         return points_of_image(places[room])
 
     def later(self, frame: Frame) -> NewPoints:
-        """Points of new surface; none where it cannot be measured, which is no reason to end."""
+        """Points of new surface; empty if it cannot be measured, and the following goes on."""
         try:
             return points_of_surface(self._measured(frame))
         except (MatchingError, SequenceError) as error:
@@ -136,14 +136,14 @@ class Born:
             return no_points(len(self.rig), float(self.surface.growth.step_px))
 
 
-# The sightings of a following, recorded frame by frame, with what it goes on from when it is interrupted.
+# The sightings of a following, recorded frame by frame, with the state from which an interrupted one goes on.
 
 RECORD = "points.bin"
-"""In the result folder."""
+"""File in the result folder."""
 
 
 def begun(folder: Path, state: SavedState | None) -> Counts:
-    """What has been followed so far: the record in the folder holds that and no more.
+    """What has been followed so far; the record in the folder then holds exactly that.
 
     Raises:
         SequenceError: the record is shorter than the state says.
@@ -163,17 +163,17 @@ def record_sightings(
     planned: tuple[int, int],
     progress: Progress,
 ) -> None:
-    """Writes every frame as it comes, until the last one or until somebody asks to stop, which saves the state.
+    """Writes each frame as it comes, until the last one or a request to stop, which saves the state.
 
     Args:
-        steps: the frames, each with the points that the following goes on with.
-        folder: where the record is; it is kept from the first frame on.
-        counts: what has been followed before; these frames are added.
-        planned: frames of the recording, and those from one saved state to the next.
+        steps: the frames, each with its points.
+        folder: place of the record; it is kept from the first frame on.
+        counts: frames and points before; these frames are added.
+        planned: frames of the recording, and frames between two saved states.
         progress: told how far it is.
 
     Raises:
-        KeyboardInterrupt: somebody asked before there was a frame.
+        KeyboardInterrupt: the request came before the first frame.
     """
     n_frames, saved_frames = planned
     record, begin, n_points = folder.path / RECORD, time.perf_counter(), 0
@@ -205,22 +205,22 @@ def record_sightings(
 
 @dataclass(frozen=True)
 class SecondLook:
-    """What is looked for in the images when all points have been followed."""
+    """What the images show after all points have been followed."""
 
     snake: Snake
-    """How contours are followed."""
+    """Settings of the contours."""
 
     contours: dict[str, Contour]
     """The contours, by their names."""
 
     rig: Rig
-    """The cameras that points were followed in."""
+    """The cameras in which points were followed."""
 
     following: Following
-    """How they were."""
+    """Settings of the points."""
 
     preparation: Preparation
-    """Of the images."""
+    """Size of the images."""
 
     picture_frames: int
     """Frames from one picture to the next."""
@@ -230,10 +230,10 @@ class SecondLook:
         return prepared(self.following, self.preparation, frame).greys
 
     def check(self, greys: tuple[Image | None, ...]) -> None:
-        """Begins all snakes, so that a contour that is none is told before anything is followed.
+        """Begins all snakes, so that a bad contour fails before anything is followed.
 
         Args:
-            greys: images of the first frame, as they are matched.
+            greys: images of the first frame, prepared for matching.
 
         Raises:
             ConfigError: names the contour.
@@ -253,13 +253,13 @@ class SecondLook:
         """Follows the snakes, and writes them and the pictures.
 
         Args:
-            folder: where they go.
+            folder: place of the files.
             images: all frames of the recording, of the views of the rig.
             record: sightings, and the numbers (T,) of the frames that were followed.
             cuts: of the trajectories.
 
         Returns:
-            The snakes as they went.
+            The snakes in all frames.
         """
         rows, frames = record[0], record[1].tolist()
         snakes, watching = self._snakes(), prepared_rig(self.preparation, self.rig)
@@ -289,16 +289,16 @@ class SecondLook:
     def places(
         self, images: Iterable[Frame], record: tuple[Rows, Integers], cuts: Cuts, of: tuple[int, int]
     ) -> Iterator[tuple[Image | None, Array]]:
-        """The images of a view as they are matched, each with where the first points are in it.
+        """The images of a view, prepared for matching, each with the positions of the first points.
 
         Args:
             images: all frames of the recording.
             record: sightings, and the numbers (T,) of the frames that were followed.
             cuts: of the trajectories.
-            of: number of the view, and how many points, N.
+            of: number of the view, and number of points, N.
 
         Yields:
-            An image (h, w), None where the view has none, and (N, 2) px, NaN of points that are not seen.
+            An image (h, w), None if the view has none, and (N, 2) px, NaN for points that are not seen.
         """
         view, n_points = of
         for frame in images:
@@ -310,7 +310,7 @@ class SecondLook:
             yield self.greys(frame)[view], places
 
 
-# What a following leaves of its trajectories: tables, clouds, and files for programs that read markers.
+# Results of a following from its trajectories: tables, clouds, and files for programs that read markers.
 
 Around = Callable[[Integers, Array], Surroundings]
 """The points around the key points, of the ids (N,) and positions (N, 3) m in the first frame."""
@@ -318,36 +318,36 @@ Around = Callable[[Integers, Array], Surroundings]
 
 @dataclass(frozen=True)
 class TrajectoryFiles:
-    """Which files are written."""
+    """Chooses the files."""
 
     views: tuple[str, ...]
-    """Names of the views that were followed in; one alone for 2-D mode, which has a table and nothing else."""
+    """Names of the views that were followed; in 2-D mode one, with a table and nothing else."""
 
     names: Names
-    """Of points that have one."""
+    """Names of points."""
 
     around: Around | None
-    """None where there are no key points."""
+    """None without key points."""
 
     cloud_frames: int
     """Frames from one PLY cloud to the next; 0 for none."""
 
     most_markers: int
-    """Points in TRC and C3D."""
+    """Largest number of points in TRC and C3D."""
 
     c3d: bool
     """Whether to write C3D beside TRC."""
 
     def write(self, folder: Path, record: tuple[Rows, Integers, Array], cuts: Cuts) -> Overview:
-        """Goes through the record once.
+        """Reads the record once, and writes.
 
         Args:
-            folder: where the files go.
+            folder: place of the files.
             record: sightings, all frame numbers (T,), and their times (T,) s.
             cuts: of its trajectories.
 
         Returns:
-            What pictures show of them.
+            The data of the pictures.
         """
         flat, times = len(self.views) == 1, record[2]
         markers = cuts.longest(np.array(list(self.names), dtype=np.int64), 0 if flat else self.most_markers)
@@ -356,7 +356,7 @@ class TrajectoryFiles:
             table = _opened(files, folder / "trajectories.csv", csv_header(self.views))
             places = _opened(files, folder / "key_points.csv", KEY_POINTS_HEADER) if self.around else None
             first = between(record[0], int(record[1][0]), int(record[1][0]) + 1)
-            # before the cuts, as when the following began: what these leave may be too few
+            # before the cuts, as when the following began: too few points may be left after them
             around = self.around(first["id"].astype(np.int64), first["position"]) if self.around else None
             for window in windows(*record, 2 * REACH_FRAMES, cuts.relabelled):
                 own, motion = window.trajectories, motion_of(window.trajectories)
@@ -381,7 +381,7 @@ class TrajectoryFiles:
 
 
 def _opened(files: contextlib.ExitStack, path: Path, header: str) -> TextIO:
-    """A table that is there as a whole when the stack is left."""
+    """A table that appears as a whole when the stack is left."""
     file = files.enter_context(files.enter_context(replacing(path)).open("w", encoding="utf-8"))
     file.write(header)
     return file

@@ -1,4 +1,4 @@
-"""What a job reads, as fingerprints: whoever resumes one must find the same."""
+"""Fingerprints of a job's inputs: a job can only be resumed with the same ones."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from tracker.images.footage import PICTURES, VIDEOS
 from tracker.running.jobs._folder import CONFIG
 
 INPUTS = "inputs.json"
-"""Fingerprints of what a result was made from, beside it."""
+"""File of the fingerprints, beside a result."""
 
 _BLOCK, _N_BLOCKS = 2**16, 64
-"""Of a file larger than 4 MiB so many blocks are read, evenly spread: an hour of video takes milliseconds."""
+"""Blocks read of a file larger than 4 MiB, evenly spread: an hour of video takes milliseconds."""
 
 Fingerprints = dict[str, str]
 """Path -> size and SHA-256."""
@@ -33,11 +33,11 @@ Fingerprints = dict[str, str]
 def fingerprints(job: Any, views: tuple[str, ...]) -> Fingerprints:
     """Size and SHA-256 of every input file that a job's fields name.
 
-    Of a folder of numbered files these are the first, second, third, fifth, ninth, ...: a recording may grow, and
-    hashing each of 100 000 pictures would take longer than looking at some.
+    Of a folder of numbered files only the first, second, third, fifth, ninth, ... count: a recording may grow, and
+    hashing 100 000 pictures takes longer than some.
 
     Args:
-        job: a component; its fields that are paths are looked at, those of its components too.
+        job: a component; its fields that are paths count, and those of its components.
         views: names that `{view}` stands for.
     """
     files = (file for text in _paths(job) for file in _files(text, views))
@@ -46,7 +46,7 @@ def fingerprints(job: Any, views: tuple[str, ...]) -> Fingerprints:
 
 
 def _skin_of(path: Path) -> Iterator[Path]:
-    """The files of the skin, if that is a model file that has one."""
+    """The files of the skin, if this is a model file with a skin."""
     if path.suffix != ".toml":
         return
     with contextlib.suppress(OSError, ValueError):
@@ -57,14 +57,14 @@ def _skin_of(path: Path) -> Iterator[Path]:
 
 
 def check_inputs(folder: Path, now: Mapping[str, str]) -> None:
-    """Compares fingerprints with those of a result's beginning; inputs that came later do not matter.
+    """Compares the fingerprints with those at the beginning of a result; new inputs do not matter.
 
     Args:
         folder: the result.
-        now: its inputs as they are.
+        now: fingerprints of its inputs now.
 
     Raises:
-        ConfigError: names the first input that is another one or gone, or tells that the file of them is damaged.
+        ConfigError: the first input that has changed or is gone, or the file of fingerprints is damaged.
     """
     path = folder / INPUTS
     try:
@@ -113,7 +113,7 @@ def _files(text: str, views: tuple[str, ...]) -> Iterator[Path]:
 
 
 def _some(files: list[Path]) -> Iterator[Path]:
-    """Those at the places 0, 1, 2, 4, 8, ...: the same ones after others were added behind them."""
+    """The files at the places 0, 1, 2, 4, 8, ...: files added behind them do not change these."""
     ordered = sorted(files, key=lambda file: (_numbers(file.name), file.name))
     yield from ordered[:1]
     place = 1
@@ -139,19 +139,19 @@ def _fingerprint(path: Path) -> str:
 
 
 _END = "reading.stop"
-"""The one setting that may change: a run may be extended. Its frames do not depend on those that follow, but for the
-bodies fitted to the first ones, which it keeps."""
+"""The only setting that may change: a run may be extended. Its frames do not depend on later ones, except through
+bodies fitted to the first frames; the run keeps these."""
 
 
 def check_same(now: Table, folder: Path) -> None:
-    """Compares the configuration of a result with the one that is asked for.
+    """Compares the configuration of a result with the present one.
 
     Args:
         now: the resolved configuration.
         folder: the result.
 
     Raises:
-        ConfigError: names the first setting that is another one, or a range that ends earlier.
+        ConfigError: the first setting that differs, or a range that ends earlier.
     """
     path = folder / CONFIG
     if not path.is_file():
@@ -170,7 +170,7 @@ def check_same(now: Table, folder: Path) -> None:
 
 
 def _extends(then: Any, asked: Any) -> bool:
-    """Whether an end, None for that of the recording, is behind another one."""
+    """Whether an end is behind another one; None is the end of the recording."""
     return then is not None and (asked is None or (isinstance(then, int) and asked > then))
 
 
@@ -194,10 +194,10 @@ _PROGRAMS = {
     "Pose2Sim's Config.toml": {"project", "triangulation"},
     "Sports2D's Config.toml": {"base", "px_to_meters_conversion"},
 }
-"""Configurations of other programs, and sections that they have."""
+"""Configurations of other programs, and their sections."""
 
 _COMMANDS = {"track": "run", "calibrate": "calibrate"}
-"""Jobs whose command is called otherwise; they are looked at first, for others have their sections too."""
+"""Jobs whose command has another name; they come first, because other jobs have their sections, too."""
 
 _CALIBRATIONS = {"reference_bar": "bar", "chessboard": "chessboard", "scene_points": "points"}
 
@@ -211,7 +211,7 @@ def read_own(use: str, path: Path, overrides: Sequence[str] = ()) -> Table:
         overrides: `section.key=value`.
 
     Raises:
-        ConfigError: it cannot be read, or is something else: what it is, and what to do with it.
+        ConfigError: it cannot be read, or is another kind of file: which kind, and what to do with it.
     """
     if told := _by_its_path(path):
         raise ConfigError(f"{path}: {told}")
@@ -251,7 +251,7 @@ def _by_its_sections(use: str, table: Table, path: Path) -> str:
 
 
 def _calibration(path: Path) -> str:
-    """What is told of a calibration; nothing of other files."""
+    """Message about a calibration; None for other files."""
     with contextlib.suppress(CalibrationError):
         n_cameras = len(read_rig(path).rig)
         cameras = "a camera" if n_cameras == 1 else f"{n_cameras} cameras"
@@ -267,6 +267,6 @@ def _command(use: str, table: Table) -> str:
 
 
 def _sections(use: str) -> set[str]:
-    """The sections and keys of a job, and of those that its command chooses."""
+    """The sections and keys of a job, and of the jobs that its command chooses."""
     jobs = [name for name in available("jobs") if name == use or name.startswith(f"{use}_")]
     return {field.name for name in jobs for field in dataclasses.fields(find("jobs", name))}

@@ -1,4 +1,4 @@
-"""Poses of a run brought to one moment as they come, where its views were found to be late by parts of a frame."""
+"""Poses of a run brought to one moment as they come, if its views are late by parts of a frame."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from tracker.synthesis import Synthesis
 from tracker.tracking.trajectory import Step
 
 _BESIDE = 2
-"""Frames to either side by which movements are told."""
+"""Frames on either side that show a movement."""
 
 
 def brought(steps: Iterable[Step], found: ViewAlignment, synthesis: Synthesis) -> Iterator[Step]:
-    """The steps with the poses of all who are not lost at the first view's moment; as they were in `as_tracked`.
+    """The steps with all poses at the first view's moment, except lost persons; `as_tracked` keeps the tracked ones.
 
-    A step comes when the two after it are there, so that `ready` counts two less: a run that is to stop does so before
-    the last two of a window.
+    A step comes when the two after it are ready, so that `ready` counts two less: a run that is asked to stop does so
+    before the last two of a window.
 
     Args:
         steps: as tracked.
-        found: how late the views are.
+        found: delays of the views.
         synthesis: makes the contours of the poses.
     """
     held: list[Step] = []
@@ -46,15 +46,15 @@ def brought(steps: Iterable[Step], found: ViewAlignment, synthesis: Synthesis) -
 
 
 class OneMoment:
-    """Whether a run's poses are brought to one moment, and by which delays."""
+    """Decides whether a run's poses are brought to one moment, and by which delays."""
 
     def __init__(self, opened: OpenedTrack, synthesis: Synthesis, tell: Callable[[Iterable[str]], None]) -> None:
-        """What the poses that bodies were fitted at tell is known.
+        """The delays that the poses of the fit of bodies show are known from the beginning.
 
         Args:
             opened: the recording and the persons.
             synthesis: makes the contours of the poses.
-            tell: told of views that are late, if their first window tells it.
+            tell: called with the late views, if their first window shows them.
         """
         self._opened, self._synthesis, self._tell = opened, synthesis, tell
         self.found = self._late(opened.alignment)
@@ -64,7 +64,7 @@ class OneMoment:
 
         Args:
             steps: as tracked.
-            asks: whether their first window, whose steps are there at once, is asked where no bodies were fitted.
+            asks: whether their first window, whose steps come at once, is measured if no bodies were fitted.
         """
         coming, window, opened = iter(steps), list[Step](), self._opened
         if self.found is None and asks and brings(opened.reading) and not (opened.fitted_at or opened.known):
@@ -87,14 +87,14 @@ def _first_window(steps: Iterator[Step]) -> Iterator[Step]:
 
 
 def _given_away(steps: list[Step]) -> Iterator[Step]:
-    """The steps, each no longer held once it is taken, for their images."""
+    """The steps; each is released once it is taken, because of its images."""
     steps.reverse()
     while steps:
         yield steps.pop()
 
 
 def _brought(steps: Sequence[Step], place: int, found: ViewAlignment, synthesis: Synthesis) -> Step:
-    """One of some steps in turn at the first view's moment."""
+    """One step after the other, at the first view's moment."""
     step = steps[place]
     tracked = [Tracked(one.frame.index, one.frame.time_s, one.estimates) for one in steps]
     estimates = list(step.estimates)

@@ -1,4 +1,4 @@
-"""The persons of a tracking job: their models as read, as kept by an interrupted run, or fitted to the recording."""
+"""The persons of a tracking job: models as read, as kept by an interrupted run, or fitted to the recording."""
 
 from __future__ import annotations
 
@@ -56,15 +56,15 @@ from tracker.tracking.rehearsal import Reopen
 log = logging.getLogger("tracker")
 
 _LEAST_STATURE, _MOST_STATURE = 0.97, 1.04
-"""Of the stature that was told what a fitted body has, at least and at most. What persons of one stature differ by
+"""Range of a fitted body's stature, as a share of the configured stature. Differences between persons of one stature
 holds it there: right ones of 75 recordings came out 0.981 to 1.037 times as tall (shoes and hair count), and of a man
 of 1.80 m who was told to be 2.20 or 1.65 m tall the fit made 2.12 and 1.72."""
 
 MODELS = "models"
-"""Folder of a result: each person's model, as tracked with."""
+"""Folder of a result: the models that the run tracked with."""
 
 FITTED_AT = "bodies.jsonl"
-"""In a result: the poses that bodies were fitted at, as the journal has them."""
+"""File of a result: the poses at which bodies were fitted, as journal lines."""
 
 
 @dataclass(frozen=True)
@@ -82,34 +82,34 @@ class OpenedTrack:
     """Opens the frames of the recording, from the first one on."""
 
     reading: Reading
-    """How the recording is read, with what a run has corrected of it."""
+    """Settings of the recording, with the run's corrections."""
 
     done: OpenJournal | None = None
     """Frames of an interrupted run."""
 
     known: Mapping[int, Sequence[Estimate]] = field(default_factory=dict)
-    """Frame -> the poses at which it has fitted bodies."""
+    """Frame -> the poses at which it fitted bodies."""
 
     fitted_at: tuple[str, ...] = ()
-    """Lines of these poses, where bodies have just been fitted."""
+    """Journal lines of these poses, if bodies have just been fitted."""
 
     findings: tuple[str, ...] = ()
-    """What they tell of the views."""
+    """Delays of the views by these poses."""
 
     alignment: ViewAlignment | None = None
-    """How late views are by these poses, of an interrupted run by those known."""
+    """Delays of the views by these poses; of an interrupted run by the known ones."""
 
 
 def description_of(subject: Subject, earlier: Path | None) -> BodyDescription:
-    """A person's model, with the shape that an interrupted run has fitted.
+    """A person's model, with the shape that an interrupted run fitted.
 
     Args:
         subject: the person.
-        earlier: result folder of the interrupted run, if one is continued.
+        earlier: result folder of the interrupted run that is continued, if any.
 
     Raises:
         ModelError: the model file is wrong.
-        ConfigError: a stature is given for a model that does not tell its own.
+        ConfigError: the configuration gives a stature, and the model has none of its own.
     """
     kept = None if earlier is None else earlier / MODELS / f"{subject.name}.toml"
     fitted = kept is not None and kept.is_file() and subject.is_fitted
@@ -117,11 +117,11 @@ def description_of(subject: Subject, earlier: Path | None) -> BodyDescription:
 
 
 def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: Cycle) -> tuple[OpenedTrack, Cycle]:
-    """Fits the bodies of those whose shape the recording is to tell; see `tracker.running.jobs.track.TrackJob.fitted`.
+    """Fits the bodies of persons whose shape is open; see `tracker.running.jobs.track.TrackJob.fitted`.
 
     Args:
-        opened: the persons as their models have them.
-        persons: what is told of them, in the same order.
+        opened: the persons with their models.
+        persons: their entries in the configuration, in the same order.
         cycle: the components.
     """
     settings = ViewSettings()
@@ -161,7 +161,7 @@ def with_fitted_bodies(opened: OpenedTrack, persons: Sequence[Subject], cycle: C
 
 
 def _unlike(person: Subject, fitted_m: float) -> Iterator[str]:
-    """What is said where the images show somebody of another stature than was told."""
+    """Warning if the images show another stature than the configuration."""
     told_m = person.stature_m
     if told_m is not None and not _LEAST_STATURE <= fitted_m / told_m <= _MOST_STATURE:
         yield (
@@ -171,7 +171,7 @@ def _unlike(person: Subject, fitted_m: float) -> Iterator[str]:
 
 
 def _told(name: str, things: Sequence[Thing], is_fitted: bool) -> Iterator[str]:
-    """What is said of things that nobody told of: of those that are tracked as carried, and of all others."""
+    """Warnings about things that the configuration does not mention: those tracked as carried, and all others."""
     yield from told_of_uncarried(name, things)
     moving = [one for one in things if one.how is How.CARRIED]
     carried = [one for one in moving if is_fitted and not one.around]
@@ -185,12 +185,12 @@ def _told(name: str, things: Sequence[Thing], is_fitted: bool) -> Iterator[str]:
 
 
 def frames_in_view(frames: Reopen, cycle: Cycle) -> Iterator[Frame]:
-    """The frames of a recording from the first one on in which somebody is looked for."""
+    """The frames of a recording from the first one on that is searched for persons."""
     return itertools.dropwhile(lambda frame: frame.index < cycle.nobody_before, frames())
 
 
 def known_before(folder: Path, scene: Scene) -> Mapping[int, Sequence[Estimate]]:
-    """The poses that an interrupted run has fitted bodies at; none if it has fitted none.
+    """The poses at which an interrupted run fitted bodies; empty if it fitted none.
 
     Args:
         folder: its result.
@@ -203,7 +203,7 @@ def known_before(folder: Path, scene: Scene) -> Mapping[int, Sequence[Estimate]]
 
 
 def save_inputs(opened: OpenedTrack, folder: Path) -> None:
-    """Keeps cameras and models as tracked with: a result can be read without the files it was made from."""
+    """Writes the cameras and models of the run, so that its result is readable without the original files."""
     save_rig(opened.sequence.rig, folder / "rig.toml")
     for name, model in opened.models.items():
         save_description(model, folder / MODELS / f"{name}.toml", decimals=None)
@@ -211,17 +211,17 @@ def save_inputs(opened: OpenedTrack, folder: Path) -> None:
         write_whole(folder / FITTED_AT, "".join(opened.fitted_at).encode())
 
 
-# What a run makes of keypoints that lie beside its recording: a start, and evidence beside the rest.
+# Use of keypoints that lie beside a recording: for the start, and as evidence beside the rest.
 
 
 def count(evidence: Evidence, start: Initialization) -> bool:
-    """Whether keypoints count for anything: evidence or start are left to `auto`, or name some themselves."""
+    """Whether keypoints are used at all: evidence or start are left to `auto`, or name keypoints themselves."""
     chosen = isinstance(evidence, AutoEvidence) or isinstance(start, AutoInitialization)
     return chosen or _names_keypoints(evidence) or _names_keypoints(start)
 
 
 def beside(files: KeypointFiles, evidence: Evidence, start: Initialization) -> tuple[Evidence, Initialization]:
-    """Evidence and start that go by keypoints as well, where they are left to `auto`."""
+    """Evidence and start that use keypoints, too, where they are left to `auto`."""
     told: dict[str, Any] = {field.name: getattr(files, field.name) for field in fields(KeypointFiles)}
     if isinstance(evidence, AutoEvidence):
         # See docs/lab/detections_beside.md.
@@ -232,7 +232,7 @@ def beside(files: KeypointFiles, evidence: Evidence, start: Initialization) -> t
 
 
 def _names_keypoints(part: Any) -> bool:
-    """Whether evidence or a start looks at keypoints already, as in the configuration that a result keeps."""
+    """Whether evidence or start use keypoints already, as in the configuration that a result keeps."""
     kinds = KeypointEvidence | KeypointInitialization
     inner = (getattr(part, "keypoints", None), *getattr(part, "of", ()))
     return isinstance(part, kinds) or any(isinstance(one, kinds) for one in inner)
@@ -240,7 +240,7 @@ def _names_keypoints(part: Any) -> bool:
 
 # Models with a skin of their own: saved with it, and shown beside it.
 
-# Of the pictures that show how the parts fit the skin.
+# Size of the pictures that show how the parts fit the skin.
 _PICTURE_PX = (480, 640)
 _DIRECTIONS_DEG = {"front": 0.0, "side": 90.0}
 
@@ -248,7 +248,7 @@ _DIRECTIONS_DEG = {"front": 0.0, "side": 90.0}
 def save_with_skin(
     description: BodyDescription, surface: ScannedSurface, rigging: Rigging, path: Path
 ) -> BodyDescription:
-    """Writes a model with the files of its skin beside it; its section of the skin may say more of it already."""
+    """Writes a model with the files of its skin beside it; the model's section about the skin is completed."""
     files = {"surface": str(path.with_suffix(".scan.ply")), "weights": str(path.with_suffix(".scan.npz"))}
     write_surface(surface, Path(files["surface"]))
     write_rigging(rigging, Path(files["weights"]))
@@ -266,10 +266,10 @@ def skinned_outcome(
     """Pictures of the parts over the silhouettes of a skin, and the figures.
 
     Args:
-        fits: part -> how it was fitted to the skin.
-        description: of the model that is saved, with its skin.
-        general: of the body whose lengths are told beside.
-        path: of the saved model; the picture is written beside it.
+        fits: part -> its fit to the skin.
+        description: of the saved model, with its skin.
+        general: of the general body, for its lengths.
+        path: of the saved model; the picture lies beside it.
     """
     body = read_description(path).build()
     assert description.skin is not None

@@ -1,4 +1,4 @@
-"""The frames of a tracking run given to its recorders, and what is left when it ends, is stopped or fails."""
+"""Gives the frames of a tracking run to its recorders; the run's outcome when it ends, is stopped or fails."""
 
 from __future__ import annotations
 
@@ -38,28 +38,28 @@ log = logging.getLogger("tracker")
 
 @dataclass(frozen=True)
 class TrackOutcome:
-    """What a tracking job left."""
+    """Outcome of a tracking job."""
 
     folder: Path
     n_frames: int
     doubts: Doubts
-    """Where to look before the result is used."""
+    """Warnings to check before the result is used."""
 
     interrupted: bool = False
     files: tuple[Path, ...] = ()
-    """What the recordings have left in the folder."""
+    """Files of the recordings in the folder."""
 
     keypoints: str = ""
-    """What keypoints changed, in a sentence; empty where there are none."""
+    """Effect of keypoints, in a sentence; empty without keypoints."""
 
     seconds: float = 0.0
-    """How long the run took, with the start looked for, bodies fitted and the result smoothed."""
+    """Time of the run, including the start, fitted bodies and smoothing."""
 
     remarks: tuple[str, ...] = ()
-    """What else is to be told at the end, in one line each."""
+    """More lines for the end."""
 
     stages_s: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    """How long the stages of tracking took in all frames, seconds."""
+    """Times of the stages of tracking in all frames, seconds."""
 
 
 def recorded(
@@ -70,15 +70,15 @@ def recorded(
     running: tuple[Progress, Stop],
     conclude: Callable[[], None],
 ) -> TrackOutcome:
-    """Feeds every recorder; they are finished whatever happens, once there is more than was there before.
+    """Feeds every recorder. They are finished, whatever happens, if there are more frames than before.
 
     Args:
-        recordings: what to write.
+        recordings: the recorders.
         context: the run.
         steps: its frames, in order.
-        folder: where results go; it is kept from the first frame on.
-        running: told how far it is, and asked whether to stop.
-        conclude: called after the last frame, before the recorders finish; not of an interrupted run.
+        folder: place of the results; it is kept from the first frame on.
+        running: gets the progress, and says whether to stop.
+        conclude: called after the last frame, before the recorders finish; not after an interruption.
     """
     progress, stop = running
     doubts, n_frames, interrupted, pace = Doubts(), 0, False, _Pace(context.n_frames)
@@ -112,14 +112,14 @@ def recorded(
             raise
         finally:
             if n_frames < len(context.resumed):
-                finishing.pop_all()  # what the interrupted run has left is more
+                finishing.pop_all()  # the interrupted run has left more
     stages_s = MappingProxyType(pace.in_all)
     return TrackOutcome(context.folder, n_frames, doubts, interrupted, tuple(files), stages_s=stages_s)
 
 
 @contextlib.contextmanager
 def _tidied(folder: Path) -> Iterator[None]:
-    """Removes what recorders began to write in place of other files and did not put there."""
+    """Removes new files of recorders that replace other files."""
     remove_unfinished(folder)
     try:
         yield
@@ -128,19 +128,19 @@ def _tidied(folder: Path) -> Iterator[None]:
 
 
 def _written(step: Step, recorders: Iterable[Recorder]) -> None:
-    """Gives a frame to every recorder, its images unpacked once for all of them."""
+    """Gives a frame to every recorder, with its images unpacked once."""
     step = replace(step, frame=step.frame.unpacked())
     for recorder in recorders:
         recorder.write(step)
 
 
 def _finish(recorder: Recorder, files: list[Path]) -> None:
-    """Closes a recorder and puts its files before those of the recorders finished before it: the last ends first."""
+    """Finishes a recorder and puts its files before those of the recorders finished earlier: the last ends first."""
     files[:0] = recorder.finish()
 
 
 class _Pace:
-    """Frames per second over the last second of a usual recording, and how long the other frames take at that pace."""
+    """Frames per second over the last second of a usual recording, and the time left at that pace."""
 
     def __init__(self, n_frames: int) -> None:
         self._recent: deque[float] = deque(maxlen=25)
@@ -149,7 +149,7 @@ class _Pace:
         """Seconds of each stage in all frames."""
 
     def after(self, step: Step, doubts: Doubts) -> str:
-        """What is shown after a frame."""
+        """Line about a frame."""
         self.in_all.update(step.seconds)
         self._recent.append(sum(step.seconds.values()))
         self._to_go -= 1
@@ -184,24 +184,24 @@ def _log_step(step: Step) -> None:
         log.warning("frame %d: without an image of %s", step.frame.index, names)
 
 
-# What persons show of the views that they were tracked in: before the run itself begins, or at its end.
+# Delays and turns of the views that the persons show: before the run itself begins, or at its end.
 
 _LONGEST = 500
-"""Frames of a run that are looked at again at its end: a long recording is not decoded once more for it."""
+"""Frames kept for a comparison of the views at the end: a long recording is not decoded again for it."""
 
 
 _COVERED = 0.5
-"""Share of a run's frames that those compared have to reach over, for views to be called in step."""
+"""Share of a run's frames that the comparison must span, so that views may be called in step."""
 
 
 def compared_views(steps: Sequence[Step], scene: Scene, interval_s: float, progress: Progress) -> ViewAlignment | None:
-    """How late the views are and how they are turned; None where persons do not tell.
+    """Delays and turns of the views; None if the persons do not show them.
 
     Args:
         steps: frames that were tracked, with their images.
         scene: the persons with the bodies that they were tracked with.
         interval_s: from one frame to the next, seconds.
-        progress: told that all is as it should be; findings are for the caller to tell.
+        progress: told that all is in order; the caller reports other findings.
     """
     frames = [Tracked(step.frame.index, step.frame.time_s, step.estimates) for step in steps]
     return _compared(frames, (step.frame for step in steps), scene, interval_s, progress)
@@ -210,7 +210,7 @@ def compared_views(steps: Sequence[Step], scene: Scene, interval_s: float, progr
 def compared_by_known(
     known: Mapping[int, Sequence[Estimate]], frames: Iterable[Frame], scene: Scene, interval_s: float
 ) -> ViewAlignment | None:
-    """As `compared_views`, of frames whose poses an interrupted run has kept.
+    """As `compared_views`, for frames whose poses an interrupted run has kept.
 
     Args:
         known: frame -> the poses of all persons.
@@ -225,7 +225,7 @@ def compared_by_known(
 
 
 class Tracks:
-    """The poses of the first frames of a run, of which the same is asked at its end."""
+    """The poses of a run's first frames, for the same comparison at its end."""
 
     def __init__(self) -> None:
         self._frames: list[Tracked] = []
@@ -238,11 +238,11 @@ class Tracks:
             yield step
 
     def told(self, scene: Scene, sequence: ReadSequence, progress: Progress) -> tuple[str, ...]:
-        """What `compared_views` finds.
+        """Result of `compared_views`.
 
         Args:
             scene: the persons as they were tracked.
-            sequence: the recording, of which the fastest frames are read again.
+            sequence: the recording, whose fastest frames are read again.
             progress: as of `compared_views`.
         """
         found = _compared(self._frames, sequence.frames(), scene, sequence.interval_s, progress)
@@ -274,15 +274,16 @@ _SHOWN = "report", "overlay"
 
 
 def check_smoothing(smoothing: Smoothing, interval_s: float, recordings: Iterable[Recording]) -> None:
-    """What would fail after the last frame fails before the first one.
+    """Fails before the first frame if smoothing would fail after the last one.
 
     Args:
-        smoothing: what is asked for.
+        smoothing: as configured.
         interval_s: from one frame to the next, seconds.
-        recordings: what is written, and so what there is to smooth.
+        recordings: as configured; smoothing needs some of them.
 
     Raises:
-        ConfigError: the raw result lacks what is smoothed, or see `tracker.results.smoothing.Smoothing.check`.
+        ConfigError: the raw result lacks a recording that smoothing needs, or see
+            `tracker.results.smoothing.Smoothing.check`.
     """
     smoothing.check(interval_s)
     uses = {component_name(type(recording)) for recording in recordings}
@@ -291,10 +292,10 @@ def check_smoothing(smoothing: Smoothing, interval_s: float, recordings: Iterabl
 
 
 def smoothed(outcome: TrackOutcome, smoothing: Smoothing, pictures: Pictures) -> TrackOutcome:
-    """The outcome with the smooth result beside the raw one, in place of that of an interrupted run.
+    """The outcome with the smoothed result beside the raw one; it replaces that of an interrupted run.
 
-    It has a report and an overlay if the raw one has; after an interruption nobody waits for them.
-    Of a run that was interrupted in its first window, which is kept when it has been tracked back, there is none yet.
+    It has a report and an overlay if the raw one has, except after an interruption, because nobody waits for them. A
+    run that was interrupted in its first window has none yet: a window is kept when it has been tracked back.
     """
     shutil.rmtree(outcome.folder / FOLDER, ignore_errors=True)
     if outcome.interrupted and not (outcome.folder / JOURNAL).stat().st_size:

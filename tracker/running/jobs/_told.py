@@ -1,4 +1,4 @@
-"""What a tracking run tells of itself: what components chose by themselves, and what looks wrong in the input."""
+"""Messages of a tracking run: choices of its components, and input that looks wrong."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ from tracker.tracking.start import Start
 from tracker.tracking.trajectory import Step
 
 _MOST_NAMED = 4
-"""Limbs that are named in a line."""
+"""Largest number of limbs named in a line."""
 
 
 class KeypointShare:
-    """The frames of a run so far, with what their accounts would be without the keypoints' part."""
+    """Compares the frames of a run with what their accounts would be without keypoints."""
 
     def __init__(self, evidence: Evidence, doubt_above: float) -> None:
         """Nothing is counted yet.
 
         Args:
             evidence: of the run.
-            doubt_above: share of a limb's contour that is left over, from which on the run doubts it.
+            doubt_above: share of a limb's contour left over from which on the run doubts it.
         """
         self._doubt_above, self._n_frames, self._started = doubt_above, 0, ""
         self._held, self._doubted = Counter[str](), Counter[str]()
@@ -58,14 +58,14 @@ class KeypointShare:
             yield step
 
     def told(self) -> str:
-        """What keypoints changed, in a sentence; empty where the run has none."""
+        """Effect of keypoints, in a sentence; empty without keypoints."""
         if self._keypoints is None or not self._n_frames:
             return ""
         parts = [self._started] if self._started else []
         parts.append(
             f"without them {_limbs(self._held, len(self._frames['held']), self._n_frames)} would be in doubt"
             if self._held
-            else "no limb would be in doubt for want of them"
+            else "no limb would be in doubt without them"
         )
         if self._doubted:
             parts.append(
@@ -108,7 +108,7 @@ class KeypointShare:
 
 
 def _part_of(evidence: Evidence) -> tuple[KeypointEvidence | None, float]:
-    """The keypoints among a run's evidence, and their share of its accounts; None where they are none of several."""
+    """The keypoints among a run's evidence, and their share of its accounts; None if there is no other evidence."""
     if isinstance(evidence, TogetherEvidence):
         for one, weight in zip(evidence.of, evidence.refining, strict=True):
             if isinstance(one, KeypointEvidence) and 0 < weight < sum(evidence.refining):
@@ -117,7 +117,7 @@ def _part_of(evidence: Evidence) -> tuple[KeypointEvidence | None, float]:
 
 
 def _without(account: Account, own: Account, share: float) -> Account:
-    """An account without the part of one kind of evidence; see `tracker.evidence.measures.account.summed`."""
+    """An account without one kind of evidence; see `tracker.evidence.measures.account.summed`."""
     visible = np.maximum(account.visible_px - share * own.visible_px, 0.0) / (1 - share)
     explained = np.clip(account.explained_px - share * own.explained_px, 0.0, None) / (1 - share)
     missed = np.maximum(account.missed_px - share * own.missed_px, 0.0) / (1 - share)
@@ -135,29 +135,29 @@ def _limbs(counted: Counter[str], n_frames: int, n_all: int) -> str:
 log = logging.getLogger("tracker")
 
 _LONG_FRAMES = 1000
-"""Looked at where that is asked for: half a gigabyte of foregrounds of four views of 1920 x 1080."""
+"""Inspects foregrounds only on demand: those of four views of 1920 x 1080 take half a gigabyte."""
 
 
 class Findings:
-    """What looks wrong in the input of a run, told as soon as it is found."""
+    """Warnings about the input of a run, reported at once."""
 
     def __init__(self, wanted: bool, progress: Progress, earlier: Iterable[str] = ()) -> None:
         self.lines = list(earlier)
-        """All that was told so far, each once; it grows while the run goes on."""
+        """All warnings so far, each once; the list grows during the run."""
 
         self._wanted, self._progress = wanted, progress
 
     def add(self, found: Iterable[str]) -> None:
-        """Tells more of it, one line each; nothing where the input is not to be looked at."""
+        """Reports warnings, one line each; nothing if the input is not inspected."""
         for line in found if self._wanted else ():
             log.warning("%s%s", WARNING, line)
             self._progress(f"{WARNING}{line}")
-            if line not in self.lines:  # a resumed run may find again what it has told before
+            if line not in self.lines:  # a resumed run may find again what it reported before
                 self.lines.append(line)
 
 
 def told_before(folder: Path) -> tuple[str, ...]:
-    """What an interrupted run has found in its input; nothing if it has kept no `run.json` that can be read."""
+    """Warnings of an interrupted run about its input; empty without a readable `run.json`."""
     try:
         return tuple(map(str, json_of(folder / "run.json", ConfigError)["findings"]))
     except (ConfigError, KeyError, TypeError):
@@ -165,10 +165,10 @@ def told_before(folder: Path) -> tuple[str, ...]:
 
 
 def tell_choices(choices: Mapping[str, str], progress: Progress) -> None:
-    """Says what was chosen by itself, if anything was.
+    """Reports the choices of components, if there are any.
 
     Args:
-        choices: stage -> what it goes by; empty where the configuration says it.
+        choices: stage -> its choice; empty where the configuration decides.
         progress: told of each.
     """
     for stage, choice in choices.items():
@@ -180,14 +180,14 @@ def tell_choices(choices: Mapping[str, str], progress: Progress) -> None:
 def run_context(
     job: Job, opened: OpenedTrack, folder: ResultFolder, choices: Mapping[str, str], findings: Findings
 ) -> RunContext:
-    """What recordings need to know of a run, and keep with its result.
+    """Facts about a run that recordings need and keep with its result.
 
     Args:
-        job: what is done.
-        opened: its recording, and the persons with the bodies that they are tracked with.
-        folder: where results go.
-        choices: as of `tell_choices`.
-        findings: those so far; those to come are kept as well.
+        job: the tracking job.
+        opened: its recording, and the persons with the bodies of the tracking.
+        folder: place of the results.
+        choices: as for `tell_choices`.
+        findings: warnings so far; later ones are kept as well.
     """
     sequence = opened.sequence
     details = {
@@ -217,19 +217,19 @@ def run_context(
     )
 
 
-# What a run says of the poses that it starts from.
+# Warnings about start poses.
 
 _APART_M = 0.4
-"""Between the middles of two bodies, at least; of poses of one body they are nearer."""
+"""Least distance between the middles of two bodies; poses of one body are closer."""
 
 _MOST_LEFT_OVER = 2.0
-"""By what factor more than the best one another body may leave over. Of two persons either is left over by the other
-one's pose, too: theirs left 1.3 and 1.7 times as much; where one person is alone, and the other "body" a shadow or a
-flaw of the plates, 11 and 12 times as much."""
+"""Another body may leave over this many times as much as the best one. Each of two persons leaves over the other one's
+pose, too: two real persons left 1.3 and 1.7 times as much. A person alone, beside a shadow or a flaw of the plates,
+left 11 and 12 times as much."""
 
 
 def telling(steps: Iterable[Step], tell: Callable[[tuple[str, ...]], None]) -> Iterator[Step]:
-    """The frames of a run as they come; what is to be said of a start in one of them is told before it."""
+    """The frames of a run as they come; warnings about a start come before its frame."""
     for step in steps:
         if step.start is not None:
             tell(told_of_start(step.start, step.scene))
@@ -237,27 +237,27 @@ def telling(steps: Iterable[Step], tell: Callable[[tuple[str, ...]], None]) -> I
 
 
 def told_of_start(start: Start, scene: Scene) -> tuple[str, ...]:
-    """Persons whose given pose fits less well than the same turned round, and those who may be another body there.
+    """Warns of persons whose given pose fits better turned round, and of persons that may be another body.
 
     Args:
-        start: the poses, and what else was tried.
+        start: the poses, and the other poses tried.
         scene: the persons, in the same order.
     """
     return (*_turned_round(start, scene), *_elsewhere(start, scene))
 
 
 def _turned_round(start: Start, scene: Scene) -> tuple[str, ...]:
-    """Of poses that were given, left and right exchanged."""
+    """Warnings about given poses with left and right exchanged."""
     return tuple(
-        f"{scene.persons[k].name} may be turned round: of the start pose given {given:.0%} of the contour are left "
-        f"over, of the same facing the other way {turned:.0%}; check left and right in the poses or keypoints that it "
-        "is from, or leave them out, and the person is looked for"
+        f"{scene.persons[k].name} may be turned round: the given start pose leaves over {given:.0%} of the contour, "
+        f"the same pose facing the other way {turned:.0%}; check left and right in its poses or keypoints, "
+        "or leave them out, and the run searches for the person"
         for k, (given, turned) in start.turned_round.items()
     )
 
 
 def _elsewhere(start: Start, scene: Scene) -> Iterator[str]:
-    """Where else bodies stand out that fit a person hardly worse; without plates poses are scattered over the floor."""
+    """Places of other bodies that fit a person almost as well; without plates poses are scattered over the floor."""
     for person, ranking, axes in zip(scene.persons, start.hypotheses, start.evidence, strict=False):
         places: list[Array] = []
         for one in ranking if axes else ():
@@ -275,16 +275,16 @@ def _elsewhere(start: Start, scene: Scene) -> Iterator[str]:
             )
 
 
-# What a tracking job sees in the first frames, before it tracks: input that is wrong, and when persons come in.
+# Inspection of the first frames before tracking: wrong input, and the frame in which persons come in.
 
 
 def looked_at(opened: OpenedTrack, cycle: Cycle, stride: int) -> Survey | None:
-    """What the first frames show; None of an interrupted run, which has told it already.
+    """Findings in the first frames; None for an interrupted run, which has reported them already.
 
     Args:
         opened: the recording and the persons.
-        cycle: with the plates, and the frame from which on persons are looked for; told what takes long.
-        stride: of the frames that are read, in frames of the recording.
+        cycle: with the plates, and the first frame to search; reports slow work.
+        stride: between the frames that are read, in frames of the recording.
 
     Raises:
         SequenceError: images are grey and plates are not, or the other way round.
@@ -302,13 +302,13 @@ def looked_at(opened: OpenedTrack, cycle: Cycle, stride: int) -> Survey | None:
 
 
 def first_sought(opened: OpenedTrack, cycle: Cycle, start: int, passes: int) -> int:
-    """Number of the frame from which on persons are looked for: not before they come in; 0 where there is no telling.
+    """Number of the first frame to search for persons, in which they are in view; 0 if that is unknown.
 
     Args:
         opened: the recording and the persons.
-        cycle: with the plates; told of a frame that is not the first one.
+        cycle: with the plates; gets a frame other than the first one.
         start: the first frame that is read.
-        passes: how often the recording is tracked.
+        passes: number of passes over the recording.
     """
     n_persons = len(opened.scene.persons)
     for n in dict.fromkeys((n_persons, 1)):  # those who are never seen apart may be in view all the same

@@ -1,4 +1,4 @@
-"""Acquisition from views: a person's model, refined over frames of a run while it is tracked with it."""
+"""Acquisition from views: fits a person's model over frames of a run while it is tracked."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class AcquireJob(TrackJob):
     resumable: ClassVar[bool] = False
 
     acquisition: ViewSettings = ViewSettings()
-    """Which frames are fitted, and how."""
+    """Frames and settings of the fit."""
 
     def execute(self, opened: OpenedTrack, folder: ResultFolder, progress: Progress) -> AcquireOutcome:  # type: ignore[override]
         """Tracks and fits in turn; see `tracker.running.jobs.Job.execute`."""
@@ -101,19 +101,19 @@ class AcquireJob(TrackJob):
 
     @property
     def model_name(self) -> str:
-        """What the model is called: as the person is."""
+        """Name of the model: the person's."""
         return self.persons[self._person()].name
 
     def open(self, earlier: Path | None = None) -> OpenedTrack:
-        """As a tracking job, and checks who is meant; see `tracker.running.jobs.Job.open`."""
+        """Opens a tracking job, and finds the person; see `tracker.running.jobs.Job.open`."""
         self._person()
         return super().open(earlier)
 
     def _person(self) -> int:
-        """Index of the person whose model is made.
+        """Index of the person to model.
 
         Raises:
-            ConfigError: it is not told, or not there.
+            ConfigError: the configuration does not name the person, or the name is unknown.
         """
         names, name = [subject.name for subject in self.persons], self.acquisition.person
         if name is None and len(names) > 1:
@@ -124,21 +124,21 @@ class AcquireJob(TrackJob):
 
 
 def _in_view(sequence: Recording, cycle: Cycle) -> tuple[Iterator[Frame], int]:
-    """The frames from the first one on in which somebody is looked for, and how many these are."""
+    """The frames from the first one searched, and their number."""
     frames = enumerate(sequence.frames())
     n_before, first = next(one for one in frames if one[1].index >= cycle.nobody_before)
     return itertools.chain([first], (frame for _, frame in frames)), sequence.n_frames - n_before
 
 
 def _told(steps: Iterator[Step], n_frames: int, progress: Progress) -> Iterator[Step]:
-    """The steps, of each of which the progress is told."""
+    """The steps, with progress."""
     for n, step in enumerate(steps, start=1):
         progress("tracking", n, n_frames)
         yield step
 
 
 def _tell_of_things(name: str, things: Sequence[Thing], progress: Progress) -> None:
-    """A model is of the body alone: what is carried is for the user to tell."""
+    """Warnings about carried things: a model is of the body alone."""
     for told in told_of_uncarried(name, things):
         log.warning("%s", told)
         progress(f"input: {told}")
@@ -167,7 +167,7 @@ def _panels(found: Fit, seen: Seen, watching: Watching, overlaps: Array) -> list
 
 
 def acquisition_from(table: Table, source: str, folder: Path, name: str) -> Any:
-    """The job that a table describes: pairs of silhouettes, a scan, surface points, a robot, or a tracking job.
+    """Makes the job of a table: pairs of silhouettes, a scan, surface points, a robot, or a tracking job.
 
     Args:
         table: its sections.
@@ -176,7 +176,7 @@ def acquisition_from(table: Table, source: str, folder: Path, name: str) -> Any:
         name: of the job if the table has none.
 
     Raises:
-        ConfigError: it is neither or both; else see `tracker.running.jobs.job_from`.
+        ConfigError: the table describes none of them or several; else see `tracker.running.jobs.job_from`.
     """
     kinds = {"pairs": "acquire_from_pictures", "scan": "acquire_from_scan", "moments": "acquire_from_points"}
     kinds |= {"robot": "acquire_from_robot", "reading": "acquire"}
@@ -191,15 +191,15 @@ def acquisition_from(table: Table, source: str, folder: Path, name: str) -> Any:
 
 
 def acquire_to(job: Any, path: Path, progress: Progress = silent) -> AcquireOutcome:
-    """Acquires a model to a file; the picture and the figures go beside it, each replaced as a whole.
+    """Acquires a model into a file; picture and figures lie beside it, each replaced as a whole.
 
     Args:
         job: an acquisition.
-        path: model file to write; its folder is made.
+        path: model file to write; its folder is created.
         progress: told how far it is.
 
     Raises:
-        TrackerError: nothing is written then.
+        TrackerError: nothing is written.
     """
     with tempfile.TemporaryDirectory() as scratch:
         found: AcquireOutcome = execute(job, Path(scratch) / "result", progress=progress)

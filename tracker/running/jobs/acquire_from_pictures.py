@@ -27,10 +27,10 @@ class PictureJob:
     resumable: ClassVar[bool] = False
 
     name: str = "model"
-    """Of the model."""
+    """Name of the model."""
 
     model: ModelFile = pydantic.Field(default_factory=lambda: model_path("gavrila22").resolve())
-    """The body begun with: the name of a bundled model, or a path that ends in .toml."""
+    """The initial body: the name of a bundled model, or a path that ends in .toml."""
 
     stature_m: Stature | None = None
     """Height of the person, metres."""
@@ -41,10 +41,10 @@ class PictureJob:
     """Pictures from the front and from the side, in one or more poses."""
 
     acquisition: SilhouetteSettings = SilhouetteSettings()
-    """How the model is fitted."""
+    """Settings of the fit."""
 
     def open(self, earlier: Path | None = None) -> BodyDescription:
-        """Reads the model and, to refuse those that cannot be used, the pictures; see `jobs.Job.open`."""
+        """Reads the model and the pictures, and refuses bad pictures; see `jobs.Job.open`."""
         for pair in self.pairs:
             read_silhouette(pair.front, "front", self.stature_m)
             read_silhouette(pair.side, "side", self.stature_m)
@@ -52,7 +52,7 @@ class PictureJob:
 
     @property
     def model_name(self) -> str:
-        """What the model is called."""
+        """Name of the model."""
         return self.name
 
     def execute(self, opened: BodyDescription, folder: ResultFolder, progress: Progress) -> AcquireOutcome:

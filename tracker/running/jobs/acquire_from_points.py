@@ -33,14 +33,14 @@ from tracker.running.jobs._acquired import Acquired, AcquireOutcome
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.initialization.given import GivenInitialization
 
-# Of the pictures that show the model among the points.
+# Size of the pictures that show the model among the points.
 _PICTURE_PX = (480, 640)
 _DIRECTIONS_DEG = {"from x": 0.0, "from y": 90.0}
 
 
 @dataclass(frozen=True)
 class OpenedPoints:
-    """What is fitted to what."""
+    """The fit and its data."""
 
     space: ShapeSpace
     moments: tuple[Moment, ...]
@@ -55,38 +55,38 @@ class PointsJob:
     resumable: ClassVar[bool] = False
 
     name: str = "model"
-    """Of the model; also of the person in `start`."""
+    """Name of the model, and of the person in `start`."""
 
     model: ModelFile = pydantic.Field(default_factory=lambda: model_path("human").resolve())
-    """The body begun with: the name of a bundled model, or a path that ends in .toml."""
+    """The initial body: the name of a bundled model, or a path that ends in .toml."""
 
     stature_m: Stature
-    """Height of the person, metres: points of a part of a body do not tell it."""
+    """Height of the person, metres: points of a part of a body do not show it."""
 
     moments: tuple[MeasuredMoment, ...] = pydantic.Field(min_length=1, examples=['[{ cloud = "points_000000.ply" }]'])
     """Surface points, in one or more poses."""
 
     trajectories: FilePath | None = None
-    """`trajectories.csv` of `bodytrack follow`, or its result folder: points that stay where they are on their parts
-    while these move from moment to moment, and so show where the joints are."""
+    """`trajectories.csv` of `bodytrack follow`, or its result folder. These points stay where they are on their parts
+    while the parts move from moment to moment, and so show the joints."""
 
     start: FilePath | None = None
-    """CSV in the layout of poses.csv, or of joint centres, with every moment; None to find the person, which takes most
-    of the body."""
+    """CSV in the layout of poses.csv, or of joint centres, with every moment; None to find the person: that needs
+    points of most of the body."""
 
     acquisition: PointSettings = PointSettings()
-    """How the model is fitted."""
+    """Settings of the fit."""
 
     @property
     def model_name(self) -> str:
-        """What the model is called."""
+        """Name of the model."""
         return self.name
 
     def open(self, earlier: Path | None = None) -> OpenedPoints:
         """Reads points, pictures and trajectories; see `tracker.running.jobs.Job.open`."""
         general = read_buildable(self.model)
         if general.stature_m <= 0:
-            raise ModelError(f'model "{general.name}" does not tell its stature_m: it cannot be scaled')
+            raise ModelError(f'model "{general.name}" has no stature_m: it cannot be scaled')
         space = space_of(general.scaled(self.stature_m / general.stature_m), self.acquisition.prior)
         body = space.body(np.zeros(len(space.names)))
         pictures = tuple(self._pictures(one) for one in self.moments)
@@ -125,7 +125,7 @@ class PointsJob:
         found = []
         for picture in moment.silhouettes:
             if picture.rig is None:
-                raise ConfigError("[[moments]] silhouettes: a picture without `rig`: nobody knows where its camera is")
+                raise ConfigError("[[moments]] silhouettes: a picture without `rig`: its camera is unknown")
             found.append(read_silhouette(picture, f"silhouette {picture.view or ''}".strip(), self.stature_m))
         return tuple(found)
 
@@ -171,7 +171,7 @@ def _cameras(cloud: Cloud) -> tuple[Camera, ...]:
 
 
 def _drawn(camera: Camera, cloud: Cloud) -> Image:
-    """The points on grey, nearer ones darker."""
+    """The points on grey; nearer points are darker."""
     picture: Image = np.full((*_PICTURE_PX[::-1], 3), 120, dtype=np.uint8)
     depths = camera.in_camera(cloud.points)[:, 2]
     shades: Integers = np.interp(depths, [depths.min(), depths.max()], [20, 110]).astype(np.int64)

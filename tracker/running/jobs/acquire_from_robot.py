@@ -29,7 +29,7 @@ class RobotJob:
     """The description."""
 
     name: str = "model"
-    """Of the model."""
+    """Name of the model."""
 
     def open(self, earlier: Path | None = None) -> Robot:
         """Reads the description; see `tracker.running.jobs.Job.open`."""
@@ -41,7 +41,7 @@ class RobotJob:
 
     @property
     def model_name(self) -> str:
-        """What the model is called."""
+        """Name of the model."""
         return self.name
 
     def execute(self, opened: Robot, folder: ResultFolder, progress: Progress) -> AcquireOutcome:

@@ -30,10 +30,10 @@ class ScanJob:
     """The scan: surface, weights and joints."""
 
     name: str = "model"
-    """Of the model."""
+    """Name of the model."""
 
     model: ModelFile = pydantic.Field(default_factory=lambda: model_path("human").resolve())
-    """The body whose parameters, groups and conventions it gets: the name of a bundled model, or a path that ends in
+    """The body that gives parameters, groups and conventions: the name of a bundled model, or a path that ends in
     .toml."""
 
     smooth: bool = True
@@ -46,7 +46,7 @@ class ScanJob:
 
     @property
     def model_name(self) -> str:
-        """What the model is called."""
+        """Name of the model."""
         return self.name
 
     def execute(self, opened: tuple[BodyDescription, Scan], folder: ResultFolder, progress: Progress) -> AcquireOutcome:

@@ -27,7 +27,7 @@ from tracker.running.jobs import ResultFolder, job_from, read_own
 
 @dataclass(frozen=True)
 class ThenAlone:
-    """The common recording, and after it those of single cameras, in which the others have no image."""
+    """The common recording, followed by those of single cameras, in which the other cameras have no image."""
 
     common: Views
     alone: tuple[tuple[int, Views], ...]
@@ -49,7 +49,7 @@ class ThenAlone:
         return self.common.n_frames + sum(views.n_frames for _, views in self.alone)
 
     def frames(self) -> Iterator[Frame]:
-        """Frames of the common recording, then of the others; each has a number of its own."""
+        """Frames of the common recording, then of the others; the numbers are unique."""
         last = -1
         for frame in self.common.frames():
             last = max(last, frame.index)
@@ -62,15 +62,15 @@ class ThenAlone:
 
 
 def then_alone(common: Views, reading: Reading) -> ThenAlone:
-    """Opens the recordings of single cameras, which need be neither synchronous nor of one length.
+    """Opens the recordings of single cameras. These need neither be synchronous nor of equal length.
 
     Args:
-        common: of all cameras.
-        reading: its `views` choose the cameras that have one, all if it is empty.
+        common: recording of all cameras.
+        reading: its `views` choose the cameras that have a recording; empty for all.
 
     Raises:
         ConfigError: it chooses none of the views.
-        CalibrationError: an image size is another one than in the common recording.
+        CalibrationError: an image size differs from the common recording.
         SequenceError: a file is missing or damaged.
     """
     if not dataclasses.is_dataclass(reading) or not hasattr(reading, "views"):
@@ -95,12 +95,12 @@ def then_alone(common: Views, reading: Reading) -> ThenAlone:
 
 @component
 class CalibrateJob:
-    """Calibrates cameras: `rig.toml`, a report of what is weak in it, and the residuals."""
+    """Calibrates cameras: `rig.toml`, a report of its weaknesses, and the residuals."""
 
     resumable: ClassVar[bool] = False
 
     name: str = "calibrate"
-    """Of the results: they go to `results/NAME/TIME`."""
+    """Name of the results' folder: `results/NAME/TIME`."""
 
     reading: Reading = pydantic.Field(
         examples=['{ use = "video", path = "{view}.mp4", views = ["left", "right"] }; see configs/calibration/bar.toml']
@@ -110,19 +110,19 @@ class CalibrateJob:
     calibration: Calibration = pydantic.Field(
         examples=['{ use = "reference_bar", length_m = 1.0 }; see configs/calibration/bar.toml']
     )
-    """What the cameras have seen."""
+    """Target that the cameras saw: a bar, a board or measured points."""
 
     interiors: Reading | None = pydantic.Field(
         default=None, examples=['{ use = "video", path = "alone/{view}.mp4" }; see configs/calibration/charuco.toml']
     )
-    """Recordings in which each camera sees the board by itself, near and in all corners: they tell its lens, and need
-    not be synchronous. Focus and zoom must be those of the common recording. With a chessboard only."""
+    """Recordings in which each camera sees the board alone, near and in all corners. They calibrate its lens, and need
+    not be synchronous. Focus and zoom must be those of the common recording. Only with a chessboard."""
 
     @pydantic.field_validator("reading", "interiors")
     @classmethod
     def _is_not_calibrated(cls, reading: Reading | None) -> Reading | None:
         if getattr(reading, "rig", None) is not None:
-            raise ValueError('the key "rig" is of no use: the cameras are to be calibrated, and `views` names them')
+            raise ValueError('the key "rig" is of no use: the job calibrates the cameras that `views` names')
         return reading
 
     @pydantic.model_validator(mode="after")
@@ -150,17 +150,17 @@ class CalibrateJob:
 
 @dataclass(frozen=True)
 class CalibrateOutcome:
-    """What a calibration left."""
+    """Outcome of a calibration."""
 
     folder: Path
     calibrated: Calibrated
 
 
 def looked_over(calibrated: Calibrated) -> Calibrated:
-    """What came out, with what `bodytrack rig check` would find unusual of its rig before its advice.
+    """The outcome; warnings of `bodytrack rig check` about the rig come before its advice.
 
     Raises:
-        CalibrationError: no reader would take the rig: its cameras are hundreds of metres apart.
+        CalibrationError: the cameras are hundreds of metres apart, and no reader would accept the rig.
     """
     found = check_rig(calibrated.rig)
     widest = max(found.pairs, key=lambda pair: pair.distance_m, default=None)
@@ -173,7 +173,7 @@ def looked_over(calibrated: Calibrated) -> Calibrated:
 
 
 def _residuals(calibrated: Calibrated) -> str:
-    """A CSV table of the image points that were adjusted."""
+    """A CSV table of the adjusted image points."""
     text = io.StringIO()
     writer = csv.writer(text)
     writer.writerow(["view", "point", "u", "v", "residual_u", "residual_v", "used"])
@@ -189,7 +189,7 @@ Kind = Literal["reference_bar", "chessboard", "scene_points"]
 
 
 def load_calibration(path: Path, kind: Kind, overrides: Sequence[str] = ()) -> CalibrateJob:
-    """Reads the configuration of a calibration of a kind, which it need not name.
+    """Reads the configuration of a calibration of a kind; the file need not name the kind.
 
     Args:
         path: TOML file; relative paths in it start at its folder.

@@ -26,7 +26,7 @@ class DemoJob:
     resumable: ClassVar[bool] = False
 
     name: str = "demo"
-    """Of the results: they go to `results/NAME/TIME`."""
+    """Name of the results' folder: `results/NAME/TIME`."""
 
     movement: str = "two_elbow_rotation"
     """Movement simulated."""
@@ -38,7 +38,7 @@ class DemoJob:
     """Chooses the room and the noise."""
 
     def open(self, earlier: Path | None = None) -> Recipe:
-        """Checks what is to be simulated; see `tracker.running.jobs.Job.open`."""
+        """Checks the simulation's settings; see `tracker.running.jobs.Job.open`."""
         movement_of(self.movement, load_body(model_path(Recipe.model)))
         return Recipe(self.movement, seconds=self.frames / Recipe.fps, seed=self.seed)
 
@@ -53,13 +53,13 @@ class DemoJob:
 
 @dataclass(frozen=True)
 class DemoOutcome:
-    """What the demonstration left."""
+    """Outcome of the demonstration."""
 
     result: TrackOutcome
     evaluation: Evaluation | None
-    """None if it was interrupted before a frame was tracked."""
+    """None if it was interrupted before the first frame."""
 
     @property
     def folder(self) -> Path:
-        """Where the tracking's results are."""
+        """Folder of the tracking's results."""
         return self.result.folder

@@ -1,4 +1,4 @@
-"""Following: points, or all of a surface, through a synchronized recording by least squares matching."""
+"""Following: points, or a whole surface, through a synchronized recording by least squares matching."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class FollowJob:
     resumable: ClassVar[bool] = True
 
     name: str = "follow"
-    """Of the results: they go to `results/NAME/TIME`."""
+    """Name of the results' folder: `results/NAME/TIME`."""
 
     reading: Reading = pydantic.Field(
         examples=['{ use = "video", path = "{view}.mp4", rig = "rig.toml" }; see configs/following/back.toml']
@@ -62,22 +62,22 @@ class FollowJob:
     """The recording."""
 
     view: str | None = None
-    """Follow in the image of this view alone: 2-D mode. None for all views, in space."""
+    """Follow only in the image of this view: 2-D mode. None for all views, in space."""
 
     points: Places = ()
     """Points in the first frame of the template's view (or of `view`), px: `[[x, y], ...]` or a table of names.
 
-    None for all points of the measured surface, or all textured places in 2-D mode.
+    None for all points of the measured surface; in 2-D mode for all textured places.
     """
 
     lines: tuple[tuple[str, ...], ...] = ()
-    """Named points that lines join, each line from point to point: `[["left_hip", "left_knee", "left_ankle"], ...]`.
+    """Named points joined by lines, each line from point to point: `[["left_hip", "left_knee", "left_ankle"], ...]`.
 
-    `figure.mp4` shows them move over the images of the template's view (or of `view`), and alone beside.
+    `figure.mp4` shows them over the images of the template's view (or of `view`), and alone beside.
     """
 
     key_points: dict[str, dict[str, tuple[float, float]]] = pydantic.Field(default_factory=dict)
-    """Places inside or beside the surface, such as joints, which move with the points around them.
+    """Places inside or beside the surface, such as joints. They move with the points around them.
 
     Each has its positions in two or more views of the first frame: `right_elbow = { left = [x, y], centre = [x, y] }`.
     """
@@ -86,41 +86,41 @@ class FollowJob:
     """Points farther from a key point than this do not move it, mm."""
 
     snakes: dict[str, Contour] = pydantic.Field(default_factory=dict)
-    """Contours, of a limb for instance, to follow in the image of a view, led by the points around them.
+    """Contours, of a limb for instance, to follow in the image of a view. The points around them lead them.
 
     Each is clicked in the first frame: `right_arm = { view = "centre", points = [[x, y], ...], closed = false }`.
     """
 
     snake: Snake = pydantic.Field(default_factory=Snake)
-    """How contours are followed."""
+    """Settings of the contours."""
 
     surface: SurfaceMeasurement = pydantic.Field(default_factory=SurfaceMeasurement)
-    """How the surface is measured that points are born on; `surface.growth.step_px` is their distance."""
+    """Settings of the surface on which points are born; `surface.growth.step_px` is their distance."""
 
     following: Following = pydantic.Field(default_factory=Following)
-    """How they are followed."""
+    """Settings of the following."""
 
     density: Density | None = pydantic.Field(default_factory=Density)
-    """New points on new surface; of no effect where `points` are given, or in 2-D mode."""
+    """Settings of new points on new surface; without effect if `points` are given, or in 2-D mode."""
 
     filters: TrajectoryFilters = pydantic.Field(default_factory=TrajectoryFilters)
-    """What cuts false trajectories; of no effect in 2-D mode."""
+    """Limits that cut false trajectories; without effect in 2-D mode."""
 
     picture_frames: int = pydantic.Field(default=25, ge=1)
-    """Frames from one picture to the next."""
+    """Frames between two pictures."""
 
     cloud_frames: int = pydantic.Field(default=25, ge=0)
-    """Frames from one PLY cloud to the next; 0 for none."""
+    """Frames between two PLY clouds; 0 for none."""
 
     c3d: bool = False
     """Write `trajectories.c3d` beside `trajectories.trc`; needs the package ezc3d."""
 
     most_markers: int = pydantic.Field(default=500, ge=1)
-    """TRC and C3D hold no more points, named ones first, then those seen in most frames: programs that read them have a
-    row or a column for each. CSV and PLY hold all."""
+    """Largest number of points in TRC and C3D: named points first, then those seen in most frames. Programs that read
+    them have a row or a column for each. CSV and PLY hold all."""
 
     saved_frames: int = pydantic.Field(default=50, ge=1)
-    """Frames from one saved state to the next; an interrupted job goes on from the last one."""
+    """Frames between two saved states; an interrupted job goes on from the last one."""
 
     @pydantic.field_validator("points", mode="before")
     @classmethod
@@ -140,17 +140,17 @@ class FollowJob:
         }
 
     def open(self, earlier: Path | None = None) -> OpenedFollow:
-        """Opens the recording and what an interrupted job has left; see `jobs.Job.open`."""
+        """Opens the recording and the state of an interrupted job; see `jobs.Job.open`."""
         sequence = self.reading.open()
         if self.view is not None and self.view not in sequence.rig.names:
             raise ConfigError(f'view = "{self.view}": no such view; {nearest(self.view, sequence.rig.names)}')
         if self.view is None and len(sequence.rig) == 1:
-            raise ConfigError(f'one view alone is followed in its image: say view = "{sequence.rig.names[0]}"')
+            raise ConfigError(f'2-D mode follows in the image of one view: say view = "{sequence.rig.names[0]}"')
         if self.view is None:
             self.surface.template_of(sequence.rig)
             clicked_places(self.key_points, prepared_rig(self.surface.preparation, sequence.rig))
         elif self.key_points:
-            raise ConfigError("key_points move in space: they need all views, and no `view`")
+            raise ConfigError("key_points move in space: they need all views, so leave `view` out")
         if fault := snake_faults(self.snakes, self._rig(sequence).names):
             raise ConfigError(fault)
         check_lines(self.lines, self._names)
@@ -160,7 +160,7 @@ class FollowJob:
         return OpenedFollow(sequence, None if earlier is None else saved_state(earlier))
 
     def execute(self, opened: OpenedFollow, folder: ResultFolder, progress: Progress = silent) -> FollowOutcome:
-        """Follows, writing every frame as it comes, then the tables and pictures; see `jobs.Job.execute`."""
+        """Follows, writes every frame as it comes, then the tables and pictures; see `jobs.Job.execute`."""
         rig = self._rig(opened.sequence)
         save_rig(rig, folder.path / "rig.toml")
         counts = begun(folder.path, opened.state)
@@ -173,7 +173,7 @@ class FollowJob:
 
     @property
     def _names(self) -> tuple[str, ...]:
-        """Of named points; their numbers are the ids in the record."""
+        """Names of points; their numbers are the ids in the record."""
         return tuple(self.points) if isinstance(self.points, dict) else ()
 
     def _template(self, rig: Rig) -> int:
@@ -183,7 +183,7 @@ class FollowJob:
         return sequence.rig if self.view is None else sequence.rig.select((self.view,))
 
     def _frames(self, opened: OpenedFollow) -> Iterator[Frame]:
-        """From the saved state on, of the views that are followed in."""
+        """The frames from the saved state on, of the views that are followed."""
         chosen = [v for v, name in enumerate(opened.sequence.rig.names) if self.view in (None, name)]
         frames = opened.sequence.frames()
         if opened.state is not None:
@@ -192,7 +192,7 @@ class FollowJob:
             yield Frame(frame.index, frame.time_s, tuple(frame.images[v] for v in chosen))
 
     def _steps(self, opened: OpenedFollow, rig: Rig, counts: Counts) -> Iterator[tuple[PointFrame, Points]]:
-        """The frames that are still to be followed; without points around a key point not even the first one."""
+        """The frames still to follow; fails before the first one without points around a key point."""
         density = None if self.view is not None or len(self.points) else self.density
         known, around = None if opened.state is None else opened.state.points, self._around(rig)
         frames, births = self._frames(opened), self._births(rig, counts)
@@ -204,7 +204,7 @@ class FollowJob:
             yield frame, points
 
     def _births(self, rig: Rig, counts: Counts) -> Callable[[Frame], NewPoints]:
-        """What is followed from a frame on; what is doubtful of the first one is added to the warnings."""
+        """The points followed from a frame on; doubts about the first frame are added to the warnings."""
         born, look = Born(self.surface, self.following, rig, self.points, counts.warnings), self._second_look(rig)
 
         def births(frame: Frame) -> NewPoints:
@@ -257,7 +257,7 @@ class FollowJob:
 
 @dataclass(frozen=True)
 class OpenedFollow:
-    """What a following works on."""
+    """Inputs of a following."""
 
     sequence: Sequence
     state: SavedState | None
@@ -265,6 +265,6 @@ class OpenedFollow:
 
 @dataclass(frozen=True)
 class FollowOutcome(Summary):
-    """What a following left; the same numbers are in `follow.json`."""
+    """Outcome of a following; the same numbers are in `follow.json`."""
 
     folder: Path

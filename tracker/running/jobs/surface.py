@@ -1,4 +1,4 @@
-"""Surfaces: what two or more views show of one, measured in every frame by least squares matching."""
+"""Surfaces: measures in every frame, by least squares matching, the surface that two or more views show."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class SurfaceJob(SurfaceMeasurement):
     resumable: ClassVar[bool] = False
 
     name: str = "surface"
-    """Of the results: they go to `results/NAME/TIME`."""
+    """Name of the results' folder: `results/NAME/TIME`."""
 
     reading: Reading = pydantic.Field(
         examples=['{ use = "stills", path = "{view}.png", rig = "rig.toml" }; see configs/surfaces/temple.toml']
@@ -38,7 +38,7 @@ class SurfaceJob(SurfaceMeasurement):
     """The pictures or the recording."""
 
     patches: tuple[tuple[float, float], ...] = ()
-    """Places of the template, px, whose search is drawn: `patch_NUMBER.png` has template, start, way and end."""
+    """Pixels of the template whose search is drawn: `patch_NUMBER.png` has template, start, way and end."""
 
     @pydantic.field_validator("patches", mode="before")
     @classmethod
@@ -52,7 +52,7 @@ class SurfaceJob(SurfaceMeasurement):
         return sequence
 
     def execute(self, opened: Sequence, folder: ResultFolder, progress: Progress) -> SurfaceOutcome:
-        """Measures every frame and writes its results as soon as they are there; see `jobs.Job.execute`."""
+        """Measures every frame and writes its results at once; see `jobs.Job.execute`."""
         save_rig(opened.rig, folder.path / "rig.toml")
         summaries: list[SurfaceSummary] = []
         for frame in opened.frames():
@@ -70,7 +70,7 @@ class SurfaceJob(SurfaceMeasurement):
         return SurfaceOutcome(folder.path, tuple(summaries))
 
     def _drawn(self, surface: Surface, folder: Path, suffix: str) -> list[str]:
-        """Pictures of searches, as asked for."""
+        """Pictures of searches, as configured."""
         names = [f"patch_{k}{suffix}.png" for k in range(len(self.patches))]
         for name, at in zip(names, self.patches, strict=True):
             searches = patch_searches(surface, self.matching, at)
@@ -91,7 +91,7 @@ class SurfaceSummary:
 
     n_seeds: dict[str, int]
     coverage: dict[str, float]
-    """Share of the places that template and search image are known to have in common, 0 to 1."""
+    """Share of the places known to be visible in both template and search image, 0 to 1."""
 
     warnings: tuple[str, ...]
     residual_px: float
@@ -107,7 +107,7 @@ class SurfaceSummary:
 
 @dataclass(frozen=True)
 class SurfaceOutcome:
-    """What a surface measurement left; the figures are in `surface.json` too."""
+    """Outcome of a surface measurement; the figures are in `surface.json`, too."""
 
     folder: Path
     frames: tuple[SurfaceSummary, ...]

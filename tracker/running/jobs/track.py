@@ -1,4 +1,4 @@
-"""Tracking: persons followed through a recording, each frame written as soon as it is done."""
+"""Tracking: follows persons through a recording; each frame is written as soon as it is done."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ __all__ = ["OpenedTrack", "TrackJob", "TrackOutcome"]
 log = logging.getLogger("tracker")
 
 _FEWEST_VIEWS = 2
-"""A view alone tells nothing of depth."""
+"""One view shows no depth."""
 
 
 @component
@@ -104,7 +104,7 @@ class TrackJob:
     resumable: ClassVar[bool] = True
 
     name: str = "track"
-    """Of the results: they go to `results/NAME/TIME`."""
+    """Name of the results' folder: `results/NAME/TIME`."""
 
     reading: Reading = pydantic.Field(
         examples=['{ use = "video", path = "videos/{view}.mp4", rig = "Calib.toml" }; see configs/minimal.toml']
@@ -114,48 +114,48 @@ class TrackJob:
     persons: tuple[Subject, ...] = pydantic.Field(
         min_length=1, examples=['[{ name = "anna", model = "human", stature_m = 1.68 }]; see configs/minimal.toml']
     )
-    """Who is followed."""
+    """The persons to follow."""
 
     synthesis: Synthesis = standard("synthesis", "cpu")
-    """What the images should show."""
+    """Predicts the images of a pose."""
 
     evidence: Evidence = standard("evidence", "auto")
-    """What they do show, and how well a pose explains it."""
+    """Compares the images with a pose."""
 
     prediction: Prediction = standard("prediction", "polynomial")
-    """Where a pose is looked for."""
+    """Proposes the pose of the next frame."""
 
     estimation: Estimation = standard("estimation", "hybrid")
-    """How it is found."""
+    """Finds the pose of a frame."""
 
     initialization: Initialization = standard("initialization", "auto")
-    """How it is found without a prediction."""
+    """Finds the first pose, without a prediction."""
 
     keypoints: KeypointFiles | None = None
-    """2-D keypoints of the recording, of `bodytrack detect` or another program, for instance
-    `{ path = "keypoints/{view}_json" }`: where `evidence` and `initialization` are left to `auto`, persons are found by
-    them, and they are looked at beside the rest."""
+    """2-D keypoints of the recording, from `bodytrack detect` or another program, for instance `{ path =
+    "keypoints/{view}_json" }`. Where `evidence` and `initialization` are left to `auto`, the start uses them, and they
+    are evidence beside the rest."""
 
     loss: LossRule = LossRule()
-    """When a person counts as lost."""
+    """Decides when a person counts as lost."""
 
     passes: int = pydantic.Field(default=2, ge=1, le=2)
-    """2: a window of up to 100 frames in which there is doubt is tracked back again, with the poses found on the way
-    there as candidates, and so are the first 40 frames of a window in which somebody is found; its frames are written
-    when both ways are done. 1: every frame is written at once."""
+    """2: the run tracks a doubtful window of up to 100 frames back again, with the poses found on the way there as
+    candidates, and does so for the first 40 frames of a window in which it finds a person; it writes the frames when
+    both ways are done. 1: it writes every frame at once."""
 
     inspection: bool = True
-    """Look at the first frames for input that can hardly be right: exchanged or mirrored videos, views out of step,
-    another stature, more bodies than persons, somebody in a plate, a calibration not upright or not in metres; and, by
-    the persons tracked, at delays by parts of a frame and cameras turned since calibration."""
+    """Inspect the first frames for wrong input: exchanged or mirrored videos, views out of step, a wrong stature, more
+    bodies than persons, a person in a plate, a calibration not upright or not in metres. By the tracked persons, also
+    find delays by parts of a frame and cameras turned since calibration."""
 
     recordings: Annotated[tuple[Recording, ...], ReadBy(chosen_recordings, described_recordings)] = pydantic.Field(
         default_factory=lambda: tuple(find("recording", use)() for use in DEFAULTS)
     )
-    """What is written: a table changes the defaults (`overlay = false`, `c3d = true`), a list replaces them."""
+    """Files to write: a table changes the defaults (`overlay = false`, `c3d = true`), a list replaces them."""
 
     smoothing: Smoothing | None = None
-    """How the poses are smoothed at the end, into the result folder `smoothed` beside the raw ones; None for not."""
+    """Smoothing of the poses at the end, into the result folder `smoothed` beside the raw ones; None for none."""
 
     @pydantic.field_validator("reading")
     @classmethod
@@ -169,8 +169,8 @@ class TrackJob:
         if self.keypoints is not None:
             if not count(self.evidence, self.initialization):
                 raise ValueError(
-                    "keypoints: evidence and initialization are both chosen and look at none: leave one of them to "
-                    "`auto`, or name the keypoints there"
+                    "keypoints: evidence and initialization are both chosen, and neither uses them: leave one of them "
+                    "to `auto`, or name the keypoints there"
                 )
             evidence, start = beside(self.keypoints, self.evidence, self.initialization)
             object.__setattr__(self, "evidence", evidence)
@@ -192,18 +192,20 @@ class TrackJob:
     @pydantic.model_validator(mode="after")
     def _looks_at_no_frame_twice(self) -> TrackJob:
         if is_live(self.reading) and (missing := "; ".join(settings_missing(self))):
-            raise ValueError(f'reading.use = "live": no frame can be looked at twice, expected {missing}')
+            raise ValueError(f'reading.use = "live": the cameras deliver each frame once, expected {missing}')
         return self
 
     def open(self, earlier: Path | None = None) -> OpenedTrack:
-        """Opens the recording, reads the models and what an interrupted run has left; see `jobs.Job.open`."""
+        """Opens the recording, the models and the state of an interrupted run; see `jobs.Job.open`."""
         if earlier is not None and is_live(self.reading):
-            raise ConfigError('reading.use = "live": what the cameras saw meanwhile is gone: run anew without --resume')
+            raise ConfigError(
+                'reading.use = "live": the frames since the interruption are lost: run anew without --resume'
+            )
         models = {subject.name: description_of(subject, earlier) for subject in self.persons}
         reading = corrected_before(self.reading, earlier)
         sequence = opened_even(reading)
         if len(sequence.rig) < _FEWEST_VIEWS:
-            raise ConfigError("one view: at least two are needed, for one does not tell how far away anybody is")
+            raise ConfigError("one view: at least two are needed, for one does not show how far away a person is")
         if self.smoothing is not None:
             check_smoothing(self.smoothing, sequence.interval_s, self.recordings)
         scene = Scene(self.at_rest(models), sequence.rig)
@@ -218,7 +220,7 @@ class TrackJob:
         """The persons in their models' reference poses.
 
         Args:
-            models: who -> description of the body; None for those that the configuration names.
+            models: person -> description of the body; None for the configured ones.
 
         Raises:
             ModelError: a model cannot be used.
@@ -229,14 +231,14 @@ class TrackJob:
         return tuple(Person(subject.name, body, body.rest(), subject.at) for subject, body in pairs)
 
     def _frames(self, sequence: Sequence) -> Reopen:
-        """Opens the recording; its first frames are decoded once if several look at them."""
+        """Opens the recording; its first frames are decoded once, even if several inspections read them."""
         if not (self.inspection or self.passes > 1 or any(one.is_fitted for one in self.persons)):
             return sequence.frames
         n_bytes = sum(3 * width * height for width, height in (camera.size for camera in sequence.rig.cameras))
         return FirstFrames(sequence.frames, held_at_most(n_bytes))
 
     def _earlier(self, folder: Path, scene: Scene, reading: Reading) -> OpenJournal:
-        """What an interrupted run has left; what is cut off is logged."""
+        """Frames of an interrupted run; damaged ones are cut off and logged."""
         first, stride = getattr(reading, "start", 0), getattr(reading, "stride", 1)
         found = open_journal(folder, Expected.of(scene, first, stride))
         if found.fault:
@@ -244,11 +246,11 @@ class TrackJob:
         return found
 
     def cycle(self, opened: OpenedTrack, progress: Progress = silent) -> Cycle:
-        """The tracking cycle of these components; a field of the cycle is one of the job, called the same.
+        """The tracking cycle of these components; the job has fields of the same names.
 
         Args:
             opened: the persons, and a recording whose views have clean plates, or backdrops.
-            progress: told of what takes long.
+            progress: gets slow work.
         """
         sequence = opened.sequence
 
@@ -262,17 +264,17 @@ class TrackJob:
         return replace(cycle, nobody_before=self._first_in_view(opened, cycle))
 
     def _first_in_view(self, opened: OpenedTrack, cycle: Cycle) -> int:
-        """Number of the frame from which on persons are looked for; poses that are given are those of the first one."""
+        """Number of the first frame to search for persons; given poses are of the first frame."""
         if getattr(self.initialization, "poses", None) is not None or is_live(opened.sequence):
             return 0
         return first_sought(opened, cycle, getattr(opened.reading, "start", 0), self.passes)
 
     def fitted(self, opened: OpenedTrack, cycle: Cycle) -> tuple[OpenedTrack, Cycle]:
-        """The persons with bodies fitted to the recording, and a cycle that does not look again for what is known.
+        """The persons with bodies fitted to the recording, and a cycle that reuses what the fit found.
 
         Args:
-            opened: the persons as their models have them; of an interrupted run as it has fitted them.
-            cycle: the components, which are told what takes long.
+            opened: the persons with their models; those of an interrupted run with its fitted bodies.
+            cycle: the components; they report slow work.
 
         Raises:
             InitializationError: nobody was found.
@@ -337,14 +339,14 @@ class TrackJob:
         return replace(outcome, seconds=time.perf_counter() - begin, keypoints=share.told(), remarks=remarks)
 
     def followed(self, opened: OpenedTrack, cycle: Cycle) -> Iterator[Step]:
-        """The frames as they are tracked, one way or there and back.
+        """The frames as they are tracked, in one pass or in two.
 
         Args:
-            opened: the recording, and the persons with the bodies that they are tracked with.
+            opened: the recording, and the persons with the bodies of the tracking.
             cycle: the components.
 
         Raises:
-            TrackerError: an image cannot be read, or no start pose was found in the first frames.
+            TrackerError: an image cannot be read, or the first frames show no start pose.
         """
         if is_live(opened.sequence):
             return track(opened.frames(), opened.scene, patiently(cycle, opened.sequence))
@@ -352,7 +354,7 @@ class TrackJob:
         return way(opened.frames(), opened.scene, cycle, opened.done or {}, opened.frames)
 
     def _looked_at(self, opened: OpenedTrack, cycle: Cycle, findings: Findings) -> tuple[OpenedTrack, Cycle]:
-        """Looks at the first frames, and again once their views are in step; tells what looks wrong in them."""
+        """Inspects the first frames, and again after views were brought in step; reports warnings."""
         seen = looked_at(opened, cycle, getattr(self.reading, "stride", 1))
         for _ in range(MOST_ROUNDS):
             corrected = None if seen is None else in_step(opened.reading, opened.sequence, seen)
@@ -370,7 +372,7 @@ class TrackJob:
         return opened, cycle
 
     def _choices(self, opened: OpenedTrack, cycle: Cycle) -> dict[str, str]:
-        """Stage -> what its component chose by itself; empty where it had no choice."""
+        """Stage -> choice of its component; empty where it had none."""
         sequence = opened.sequence
         known = sequence.known if cycle.plates == sequence.plates else cycle.plates
         return {

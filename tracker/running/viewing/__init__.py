@@ -1,4 +1,4 @@
 """Viewing: a run in space, in a browser on this machine, while it tracks or when it is finished; needs viser.
 
-Contours along a finished run are pictures, and need nothing.
+Pictures of contours along a finished run need no browser.
 """

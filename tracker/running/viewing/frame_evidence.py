@@ -30,12 +30,11 @@ from tracker.tracking.limb_probabilities import limb_probabilities
 from tracker.tracking.trajectory import Replay, Step
 
 BEFORE = 16
-"""Frames before the one shown that colours are learnt from and places followed through: half of what a colour was is
-forgotten in four frames."""
+"""Earlier frames for learning colours and following places: four frames forget half of a colour."""
 
 _NOT_MADE_AGAIN = (
-    "the run knew what is behind the person where nobody stays; such plates are not made again: no foreground, "
-    "and without it contours, colours and motion alone"
+    "the run's plates came from places where nobody stays; they are not made again: no foreground, "
+    "and without it only contours, colours and motion"
 )
 
 
@@ -47,42 +46,42 @@ class SeenView:
     image: EvidencePicture
     pictures: tuple[EvidencePicture, ...]
     expected: ViewContours
-    """Of the prediction; of the pose found where there was none."""
+    """Contours of the prediction; of the pose found if there is no prediction."""
 
     found: ViewContours
 
 
 @dataclass(frozen=True)
 class SeenFrame:
-    """The frame, and the person asked about."""
+    """The frame, and the chosen person."""
 
     frame: int
     time_s: float
     person: str
     estimate: Estimate
     probabilities: Mapping[str, float]
-    """Limb -> how probable it is that it is right; see `tracker.tracking.limb_probabilities`."""
+    """Limb -> probability that it is right; see `tracker.tracking.limb_probabilities`."""
 
     differs: str
-    """What the run had and is not seen here; empty for nothing."""
+    """What the run had and this view of it lacks; empty for nothing."""
 
     views: tuple[SeenView, ...]
-    """Those with an image."""
+    """Views with an image."""
 
 
 def seen_in_frame(result: Result, number: int, person: str) -> SeenFrame:
-    """Looks at a frame once more as the run did: by its evidence, from its prediction, with its plates.
+    """Examines a frame again as the run did: with its evidence, its prediction and its plates.
 
-    Colours and followed places are learnt anew over the `BEFORE` frames before, at the poses of the result, so they
-    may differ a little from the run's.
+    It learns colours and followed places anew over the `BEFORE` frames before, at the poses of the result, so they may
+    differ a little from the run's.
 
     Args:
         result: the run.
         number: of the frame.
-        person: whose pose is looked at.
+        person: owner of the pose.
 
     Raises:
-        TrackerError: the result has no such frame or person, or the recording is not there any more.
+        TrackerError: the result has no such frame or person, or the recording is gone.
     """
     who = list(result.bodies).index(result.person(person).name)
     replays = _until(result, number)
@@ -110,13 +109,13 @@ def _until(result: Result, number: int) -> Mapping[int, Replay]:
 
 
 def _plates(result: Result, plates: tuple[Plate | None, ...]) -> tuple[Plate | None, ...]:
-    """The plates that the run used: those that a recording makes of itself only where the run took them."""
+    """The plates that the run used: the recording makes plates only if it did so in the run."""
     none = WITHOUT_PLATES in _told(result)
     return tuple(None if plate is None or (none and plate.recorded) else plate for plate in plates)
 
 
 def _told(result: Result) -> str:
-    """What the run told of what its components chose by themselves."""
+    """Choices of the run's components."""
     choices: Any = result.details.get("choices", {})
     return "; ".join(map(str, choices.values())) if isinstance(choices, dict) else ""
 
@@ -143,30 +142,30 @@ def _seen(result: Result, by: tuple[Any, Any], moment: tuple[Sight, Step, State]
 
 
 def _predicted(step: Step, state: State, prediction: Any) -> Scene:
-    """The persons as predicted; who was in no frame before, as found."""
+    """The persons as predicted; a person without an earlier frame as found."""
     time_s, poses = step.frame.time_s, []
     for person, history in zip(step.scene.persons, state.histories, strict=True):
         poses.append(person.q if history is None else prediction.predict(person.body, history, time_s)[0])
     return step.scene.with_poses(tuple(poses))
 
 
-# What all kinds of evidence saw in a view as one picture.
+# All kinds of evidence in a view as one picture.
 
 # BGR: contours expected, and found.
 _EXPECTED, _FOUND, _WRITING = (0, 215, 255), (255, 120, 255), (255, 255, 255)
 
 _MARGIN = 0.15
-"""What is shown around the persons, share of their size."""
+"""Margin around the persons, share of their size."""
 
 _LINE_PX, _SIGN_PX = 20, 7.5
-"""Height of a line of writing, and width of a letter of it."""
+"""Height of a line of text, and width of a letter."""
 
 _SUBPIXEL = 4
 """Binary digits after the point in OpenCV's drawing."""
 
 
 def evidence_picture(seen: SeenFrame, view: SeenView, cell_px: int) -> Image:
-    """The image and what each kind of evidence saw, with the contours expected in yellow, on the image those found.
+    """The image and each kind of evidence, with the expected contours in yellow, and those found on the image.
 
     Args:
         seen: the frame.
@@ -201,7 +200,7 @@ def _title(seen: SeenFrame, view: SeenView) -> list[str]:
 
 
 def _cell(one: EvidencePicture, view: SeenView, with_found: bool, width: int) -> Image:
-    """A picture cut around the persons, with contours and its title, as wide as told."""
+    """A picture cut around the persons, with contours and its title, of the given width."""
     height, width_px = np.asarray(view.image.picture).shape[:2]
     x, y, w, h = around(np.concatenate([view.expected.pixels, view.found.pixels]), (width_px, height))
     scale = width / w
@@ -216,7 +215,7 @@ def _cell(one: EvidencePicture, view: SeenView, with_found: bool, width: int) ->
 
 
 class Window(NamedTuple):
-    """A part of a view, px."""
+    """A rectangle of a view, px."""
 
     left: int
     top: int
@@ -225,7 +224,7 @@ class Window(NamedTuple):
 
 
 def around(pixels: Array32, size: tuple[int, int]) -> Window:
-    """What of a view is shown: contours with a margin, else all of it.
+    """The rectangle of a view to show: contours with a margin, else the whole view.
 
     Args:
         pixels: (N, 2) of the contours.

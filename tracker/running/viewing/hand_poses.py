@@ -30,14 +30,14 @@ from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.initialization.given import GivenInitialization
 
 _DECIMALS = 5
-"""Of a start's angles and places, as in poses.csv."""
+"""Decimals of a start's angles and positions, as in poses.csv."""
 
 _MOVED_M = 0.01
-"""A joint that a limb's parameters move by less a radian can't be dragged: a hip stays where the pelvis has it."""
+"""A joint that its limb's parameters move by less per radian cannot be dragged: the pelvis holds a hip."""
 
 
 def standing(scene: Scene) -> Scene:
-    """All persons at rest on the floor, z = 0, in the middle of what the cameras look at, side by side.
+    """All persons at rest on the floor, z = 0, side by side in the middle of the cameras' view.
 
     Bodies that cannot be moved as a whole stay.
     """
@@ -78,7 +78,7 @@ def handles(body: BodyModel) -> tuple[int, ...]:
 
 
 def dragged(body: BodyModel, q: Array, mark: int, place: Array) -> Array:
-    """The pose (dof,) after a landmark was drawn to a place (3,): its limb follows, or the whole body.
+    """The pose (dof,) after a landmark was dragged to a position (3,): its limb follows, or the whole body.
 
     Args:
         body: the model.
@@ -95,7 +95,7 @@ def dragged(body: BodyModel, q: Array, mark: int, place: Array) -> Array:
 
 
 def write_start(path: Path, number: int, scene: Scene) -> None:
-    """Writes the poses of all persons as a start of a frame, as `initialization = { use = "given" }` reads it.
+    """Writes the poses of all persons as the start of a frame, for `initialization = { use = "given" }`.
 
     Args:
         path: CSV.
@@ -111,7 +111,7 @@ def write_start(path: Path, number: int, scene: Scene) -> None:
 
 
 def _shifts(body: BodyModel) -> Integers:
-    """Columns that move the whole body along x, y and z; none of one that is fixed to its place."""
+    """Columns that move the whole body along x, y and z; empty for a fixed body."""
     none: Integers = np.zeros(0, dtype=np.int64)
     try:
         return none if body.stays else body.root.shifts
@@ -120,14 +120,14 @@ def _shifts(body: BodyModel) -> Integers:
 
 
 def begun_in_result(folder: Path, number: int) -> tuple[Scene, Frame]:
-    """The persons where a run found them, or took them to be, and the images of the frame.
+    """The persons as a run found, or assumed, them in a frame, and the images of the frame.
 
     Args:
         folder: of the result.
         number: of the frame.
 
     Raises:
-        TrackerError: the result has no such frame, or the recording is not there any more.
+        TrackerError: the result has no such frame, or the recording is gone.
     """
     result = load_result(folder)
     replay = next((one for one in result.replays if one.index == number), None)
@@ -139,11 +139,11 @@ def begun_in_result(folder: Path, number: int) -> tuple[Scene, Frame]:
 
 
 def begun_in_run(config: Path, overrides: Sequence[str], number: int) -> tuple[Scene, Frame]:
-    """The persons where the configuration's start has them, else standing before the cameras, and the images.
+    """The persons at the configuration's start, else standing before the cameras, and the images.
 
     Args:
         config: of a run.
-        overrides: as of `bodytrack run --set`.
+        overrides: as for `bodytrack run --set`.
         number: of the frame.
 
     Raises:
@@ -162,55 +162,55 @@ def begun_in_run(config: Path, overrides: Sequence[str], number: int) -> tuple[S
 _PLACED, _OTHERS = (0, 215, 255), (200, 200, 200)
 
 _WIDTH_PX = 900
-"""Of the images before the cameras, and of all views together beside the sliders, px."""
+"""Widths of the images before the cameras, and of all views together beside the sliders, px."""
 
 _STEP_DEG, _STEP_M = 0.5, 0.005
-"""Of the sliders; what is typed beside them is as fine."""
+"""Step of the sliders; typed numbers are as fine."""
 
 _MOST_M = 10.0
-"""Of the sliders of places, metres from where a person begins."""
+"""Range of the position sliders, metres from the first position."""
 
 _HANDLE_M = 0.14
 """Length of the arrows at a joint."""
 
 _AROUND = 1.3
-"""What is shown beside the sliders, over the size of the persons: who is placed beside somebody sees him."""
+"""Part of a view beside the sliders, over the size of the persons: neighbours are visible."""
 
 _HELD_S = 0.3
-"""After so long without a move a joint is not dragged any more, and goes to where the limb has it."""
+"""After this time without movement a joint is released, and goes to where the limb has it."""
 
 _EVERY_S = 0.04
-"""Between two looks at what the visitor has done."""
+"""Pause between two readings of the visitor's input."""
 
 
 @dataclass
 class _Steered:
-    """What a visitor moves, and what we have put there last: what differs is the visitor's wish."""
+    """The visitor's inputs, and the values set last: a difference is the visitor's wish."""
 
     node: Any
     last: Any
 
 
 class Placing:
-    """Persons, one of whom is posed by sliders, numbers or joints that are dragged; contours follow in all views.
+    """Persons of whom one is posed by sliders, numbers or joints that are dragged; contours follow in all views.
 
-    The browser's threads only leave values in the nodes; all is done by the thread that calls `draw`.
+    The browser's threads only leave values in the nodes; the thread that calls `draw` does all the work.
     """
 
     def __init__(self, server: Any, scene: Scene, frame: Frame, path: Path) -> None:
-        """Shows the persons where they begin.
+        """Shows the persons at their first poses.
 
         Args:
             server: of viser.
-            scene: the persons where they begin, and the cameras of the images.
+            scene: the persons at their first poses, and the cameras of the images.
             frame: the images.
-            path: where `save` writes.
+            path: of the file that `save` writes.
         """
         self._server, self.scene, self._begin, self._frame, self._path = server, scene, scene, frame, path
         self._stage, self._pictures = Stage(server, scene), Pictures(scene.rig, 1, _WIDTH_PX)
         self._saving, self._resetting = threading.Event(), threading.Event()
         self.saved = 0
-        """How often a start was written."""
+        """Number of starts written."""
 
         gui, names = server.gui, tuple(person.name for person in scene.persons)
         self._told = gui.add_markdown("")
@@ -226,7 +226,7 @@ class Placing:
         self._note = ""
 
     def draw(self) -> None:
-        """Does what the visitor has asked for since, and shows it."""
+        """Carries out the visitor's input, and shows it."""
         k = [person.name for person in self.scene.persons].index(self._who.value)
         q = self._wanted(k)
         if self._resetting.is_set():
@@ -245,14 +245,14 @@ class Placing:
             self._shown = k, q.tobytes(), held
 
     def serve(self, seconds: float = float("inf")) -> None:
-        """Draws what is wanted for so long, seconds."""
+        """Draws for this time, seconds."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             self.draw()
             time.sleep(_EVERY_S)
 
     def _wanted(self, k: int) -> Array:
-        """The pose (dof,) that the visitor has made of a person's."""
+        """The pose (dof,) of a person after the visitor's input."""
         body, q = self.scene.persons[k].body, self.scene.persons[k].q.copy()
         for column, slider in self._sliders[k].items():
             if slider.node.value != slider.last:
@@ -267,7 +267,7 @@ class Placing:
         return q
 
     def _show(self, k: int, held: int | None) -> None:
-        """Bodies, contours, sliders and joints as the poses are; a joint that is held stays where it was dragged."""
+        """Draws bodies, contours, sliders and joints at the poses; a dragged joint stays in place."""
         for n, person in enumerate(self.scene.persons):
             marks = person.body.landmarks_in_world(person.q)
             for column, slider in self._sliders[n].items():
@@ -287,7 +287,7 @@ class Placing:
         self._told.content = self._text(k)
 
     def _drawn(self, k: int) -> tuple[tuple[Image | None, ...], tuple[Window, ...]]:
-        """The images with the contours, and where in them the persons are."""
+        """The images with the contours, and the rectangles around the persons."""
         images, windows, contours = [], [], CpuSynthesis().contours(self.scene)
         first, n_parts = self.scene.first_part(k), len(self.scene.persons[k].body.parts)
         for v, image in enumerate(self._frame.images):
@@ -310,7 +310,7 @@ class Placing:
         return "\n\n".join([*lines, *([self._note] if self._note else [])])
 
     def _with_sliders(self, k: int) -> dict[int, _Steered]:
-        """A slider for each parameter, in a folder for each group; what carries the body first, and open."""
+        """A slider for each parameter, in a folder for each group; the first one carries the body, and is open."""
         person, gui = self.scene.persons[k], self._server.gui
         sliders: dict[int, _Steered] = {}
         body, carrying = person.body, person.body.carrying.tolist()
@@ -354,7 +354,7 @@ class Placing:
 
 
 def _like_the_view(window: Window, size: tuple[int, int]) -> Window:
-    """A larger window with the view's own proportions, inside it."""
+    """A larger rectangle with the view's own proportions, inside it."""
     share = min(1.0, _AROUND * max(window.width / size[0], window.height / size[1]))
     width, height = max(8, int(share * size[0])), max(8, int(share * size[1]))
     left = min(max(window.left + (window.width - width) // 2, 0), size[0] - width)
@@ -363,7 +363,7 @@ def _like_the_view(window: Window, size: tuple[int, int]) -> Window:
 
 
 def _side_by_side(images: tuple[Image | None, ...], windows: tuple[Window, ...]) -> Image:
-    """What all views show in their windows, in two columns; a missing one is black."""
+    """The rectangles of all views, in two columns; a missing view is black."""
     width = _WIDTH_PX // 2
     height = max(round(width * window.height / window.width) for window in windows)
     cells = [np.zeros((height, width, 3), np.uint8) for _ in range(len(images) + len(images) % 2)]

@@ -1,4 +1,4 @@
-"""The images that a finished run was made from."""
+"""The images of a finished run."""
 
 from __future__ import annotations
 
@@ -27,25 +27,25 @@ from tracker.results.smoothed_result import FOLDER as SMOOTHED
 from tracker.running.jobs import CONFIG, job_from, load_job
 
 IN_STEP = "in_step"
-"""In a result folder: its poses at one moment, see `tracker.running.aligned_result`."""
+"""Folder in a result: its poses at one moment, see `tracker.running.aligned_result`."""
 
 
 def images_of(result: Result) -> Iterator[Frame]:
-    """The frames of the recording that the result was made from, as bright and smooth as they were tracked.
+    """The frames of a result's recording, as bright and smooth as in tracking.
 
-    Plates are not needed, and not made.
+    Plates are neither needed nor made.
 
     Raises:
-        TrackerError: the recording is not there any more.
+        TrackerError: the recording is gone.
     """
     return without_plates(reading_of(result, chosen_images(result))).frames()
 
 
 def without_plates(reading: Any) -> Sequence:
-    """A recording whose plates are not needed, and not made.
+    """A recording that is opened without plates.
 
     Raises:
-        TrackerError: the recording is not there.
+        TrackerError: the recording does not exist.
     """
     # still pictures are never looked through for plates, nor do they have masks
     none = {"background": "none", "masks": None, "occluders": None, "align_background": False}
@@ -60,7 +60,7 @@ def single_frame(reading: Any, number: int) -> tuple[Sequence, Frame]:
 
     Raises:
         ConfigError: the recording has no such frame.
-        TrackerError: the recording is not there.
+        TrackerError: the recording does not exist.
     """
     ends = {"start": number, "stop": number + 1}
     opened = without_plates(dataclasses.replace(reading, **{k: v for k, v in ends.items() if hasattr(reading, k)}))
@@ -71,7 +71,7 @@ def single_frame(reading: Any, number: int) -> tuple[Sequence, Frame]:
 
 
 def chosen_images(result: Result) -> list[str]:
-    """What the run has chosen for its images by itself, as overrides of its configuration, which leaves it open."""
+    """The run's own choices for its images, as overrides of its configuration, which leaves them open."""
     chosen: Any = result.details.get("images", {})
     if not isinstance(chosen, dict):
         raise ConfigError(f"{result.folder / 'run.json'}: damaged: images = {chosen!r}, expected their settings")
@@ -85,15 +85,15 @@ def _as_toml(value: Any) -> str:
 
 
 def reading_of(result: Result, overrides: SequenceOf[str] = ()) -> Any:
-    """How the recording is read that the result was made from; see `job_of`."""
+    """The reading of a result's recording; see `job_of`."""
     return job_of(result, overrides).reading
 
 
 def job_of(result: Result, overrides: SequenceOf[str] = ()) -> Any:
-    """The job that the result was made by.
+    """The job of a result.
 
     Raises:
-        ConfigError: its configuration is damaged, or not there.
+        ConfigError: its configuration is damaged or missing.
     """
     path, told = _config_of(result.folder), result.details.get("config")
     if path.is_file() or not isinstance(told, dict):
@@ -104,7 +104,7 @@ def job_of(result: Result, overrides: SequenceOf[str] = ()) -> Any:
 
 
 def _config_of(folder: Path) -> Path:
-    """The configuration beside a result; that of poses changed afterwards may lie in the folder of the raw ones."""
+    """The configuration beside a result; changed poses may have it in the folder of the raw ones."""
     folder = folder.resolve()
     while folder.name in (SMOOTHED, IN_STEP) and not (folder / CONFIG).is_file():
         folder = folder.parent
@@ -112,25 +112,25 @@ def _config_of(folder: Path) -> Path:
 
 
 _WIDTH_PX = 400
-"""Of a kept image: 12 KB."""
+"""Width of a kept image: 12 KB."""
 
 _MOST_FRAMES = 2000
-"""Frames whose images are kept, 100 MB of four views; of longer recordings every second, third, ..."""
+"""Number of frames with kept images, 100 MB of four views; of longer recordings every second, third, ... frame."""
 
 _QUALITY = 75
-"""Of a kept image, as JPEG counts."""
+"""JPEG quality of a kept image."""
 
 
 class Pictures:
-    """The images so far, by frame; without the lens's distortion, the principal point in the middle."""
+    """The images so far, by frame; without lens distortion, the principal point in the middle."""
 
     def __init__(self, rig: Rig, n_frames: int, width_px: int = _WIDTH_PX) -> None:
         """Nothing is kept yet.
 
         Args:
             rig: the cameras.
-            n_frames: how many frames there may be; of very many, not all are kept.
-            width_px: of a kept image, at most.
+            n_frames: largest number of frames; of very many, only some are kept.
+            width_px: largest width of a kept image.
         """
         self._lenses = [_Lens(camera, width_px) for camera in rig.cameras]
         self._every = max(1, -(-n_frames // _MOST_FRAMES))
@@ -139,7 +139,7 @@ class Pictures:
         self._stopped = threading.Event()
         self._reader: threading.Thread | None = None
         self.fault = ""
-        """Why there are no more of them; empty if there are."""
+        """Why there are no more images; empty if there are."""
 
     def add(self, frame: Frame) -> None:
         """Keeps the images of a frame, unless there are too many frames."""
@@ -152,7 +152,7 @@ class Pictures:
             self._every *= 2
 
     def read(self, frames: Iterable[Frame]) -> None:
-        """Keeps the images of a recording, in a thread of its own until `stop`."""
+        """Keeps the images of a recording, in its own thread, until `stop`."""
 
         def reading() -> None:
             try:
@@ -167,7 +167,7 @@ class Pictures:
         self._reader.start()
 
     def stop(self) -> None:
-        """Reads no more; waits for the frame that is being read."""
+        """Stops reading; waits for the present frame."""
         self._stopped.set()
         if self._reader is not None:
             # who still reads while Python ends finds its threads gone, and complains
@@ -179,13 +179,13 @@ class Pictures:
         return len(self._kept)
 
     def of(self, index: int) -> tuple[Image | None, ...] | None:
-        """The images (h, w, 3) BGR of a frame; None if they are not there (yet)."""
+        """The images (h, w, 3) BGR of a frame; None if they are missing (so far)."""
         kept = self._kept.get(index)
         return None if kept is None else tuple(None if one is None else _decoded(one) for one in kept)
 
 
 class _Lens:
-    """How a camera's images are made small and straight."""
+    """Maps that make a camera's images small and straight."""
 
     def __init__(self, camera: Camera, width_px: int) -> None:
         width, height = camera.size

@@ -22,7 +22,7 @@ from tracker.tracking.estimate import Estimate
 from tracker.tracking.trajectory import Replay
 
 STEPS = {"threshold_dynamics": (0, 1, 2, 4, 12), "descent": (0, 8, 20, 60)}
-"""Way of minimization -> after how many steps the contour is kept; the first is where it begins, the last the result.
+"""Way of minimization -> steps after which the contour is kept; the first is the start, the last the result.
 
 A step of the descent moves the contour by half a pixel at most, one of threshold dynamics by some pixels.
 """
@@ -30,10 +30,10 @@ A step of the descent moves the contour by half a pixel at most, one of threshol
 
 @dataclass(frozen=True)
 class Chosen:
-    """Which frames are segmented, and from where."""
+    """Frames to segment, and their first contours."""
 
     every: int = 10
-    """Every so many frames of the run one is."""
+    """Every so many frames of the run."""
 
     first: int = 0
     behind: int | None = None
@@ -43,7 +43,7 @@ class Chosen:
     """The contour begins at the pose so many frames before."""
 
     def has(self, k: int, frame: int) -> bool:
-        """Whether the k-th frame of a run, of this number, is segmented."""
+        """Whether the k-th frame of a run, with this number, is segmented."""
         return k % self.every == 0 and self.first <= frame and (self.behind is None or frame < self.behind)
 
 
@@ -54,16 +54,16 @@ class SegmentedView:
     name: str
     image: Image
     pose: ViewContours
-    """Of the model at the pose found."""
+    """Contours of the model at the pose found."""
 
     silhouette: Mask
-    """(H, W) what it covers."""
+    """(H, W) its silhouette."""
 
     alone: tuple[Mask, ...]
-    """(H, W) each: the region after some steps of eq. 2, without the shape prior; none where nothing can be said."""
+    """(H, W) each: the region after some steps of eq. 2, without the shape prior; empty if there is none."""
 
     held: tuple[Mask, ...]
-    """The same of eq. 4, with the pose found as its prior."""
+    """The same for eq. 4, with the pose found as its prior."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Segmented:
     time_s: float
     statuses: tuple[str, ...]
     views: tuple[SegmentedView, ...]
-    """Those with an image; none where everybody is lost. Who is lost is in none of them."""
+    """Views with an image; none if every person is lost. Lost persons are in none of them."""
 
     def overlaps(self) -> tuple[float, float]:
         """Intersection over union of model and region, without and with the prior, mean over the views; may be NaN."""
@@ -86,12 +86,12 @@ class Segmented:
 
 
 def segmented(result: Result, by: LevelSetEvidence, chosen: Chosen) -> Iterator[Segmented]:
-    """Segments frames of a run; what persons look like is learnt on the way, as tracking by level sets does it.
+    """Segments frames of a run; it learns the persons' appearance on the way, as tracking by level sets does.
 
     Args:
         result: the run; of any evidence.
-        by: its settings.
-        chosen: which frames.
+        by: settings of the level sets.
+        chosen: the frames.
 
     Raises:
         TrackerError: the recording is not there any more.
@@ -114,7 +114,7 @@ def segmented(result: Result, by: LevelSetEvidence, chosen: Chosen) -> Iterator[
 
 
 def _known_then(before: Replay, now: Replay) -> tuple[Estimate, ...]:
-    """What was known of each person in a frame before, of who was lost then what is known now."""
+    """Each person's state in a frame before; a person who was lost then has the present state."""
     pairs = zip(before.estimates, now.estimates, strict=True)
     return tuple(late if early.lost else early for early, late in pairs)
 
@@ -128,7 +128,7 @@ def _posed(result: Result, replay: Replay, who: Sequence[int]) -> Scene:
 def _segmented(
     by: LevelSetEvidence, memory: Memory, sight: Sight, scenes: tuple[Scene, Scene], replay: Replay
 ) -> Segmented:
-    """A frame whose contours begin at the first scene's outline, and are held by that of the second."""
+    """A frame whose contours begin at the first scene's outline; the second scene is the shape prior."""
     statuses = tuple(str(estimate.verdict) for estimate in replay.estimates)
     if not scenes[1].persons:
         return Segmented(replay.index, replay.time_s, statuses, ())
@@ -151,11 +151,11 @@ def _trusted(replay: Replay, scene: Scene) -> Mask:
     return parts
 
 
-# BGR; what lies between is blue, lighter step by step.
+# BGR; contours between are blue, lighter step by step.
 _START, _FIRST, _LAST, _RESULT = (60, 60, 255), (160, 60, 0), (255, 220, 90), (255, 255, 255)
 
 _MARGIN = 1.15
-"""Longer side of what is shown of a view, over that of the person."""
+"""Longer side of the shown rectangle, over that of the person."""
 
 _HEIGHT = 1.3
 """Height over width of a view's picture: persons are upright."""
@@ -197,7 +197,7 @@ def _column(view: SegmentedView, size: tuple[int, int]) -> Image:
 
 
 def _told(view: SegmentedView) -> tuple[str, str, str]:
-    """What is seen in the three pictures of a view."""
+    """The three pictures of a view."""
     ways = ("contour without shape", view.alone), ("contour with shape", view.held)
     alone, held = (what if stages else f"{what}: unknown" for what, stages in ways)
     return "pose found", alone, held
@@ -214,7 +214,7 @@ def _window(view: SegmentedView, size: tuple[int, int]) -> Array:
 
 
 def _draw_pose(picture: Image, pose: ViewContours, window: Array) -> None:
-    """Draws each sample of the model's contours as a piece of it, those between touching parts not."""
+    """Draws each sample of the model's contours as a piece of it, except those between touching parts."""
     seen = ~pose.between
     along = np.stack([-pose.normals[seen, 1], pose.normals[seen, 0]], axis=1) * pose.weights[seen, None] / 2
     ends = np.stack([pose.pixels[seen] - along, pose.pixels[seen] + along], axis=1)

@@ -1,4 +1,4 @@
-"""What is seen in space: the floor, the cameras with their images, the bodies."""
+"""The scene in space: the floor, the cameras with their images, the bodies."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from tracker.foundation.errors import ConfigError
 from tracker.tracking.estimate import Estimate, Status
 
 LOOPBACK = "127.0.0.1"
-"""Nobody but this machine: what is shown are pictures of persons."""
+"""Address of this machine only: the pictures show persons."""
 
 
 @contextlib.contextmanager
 def serving(port: int, wide: bool = False) -> Iterator[Any]:
-    """A viser server on the loopback address, as long as it is used; on the next free port if this one is taken.
+    """A viser server on the loopback address, while it is used; on the next free port if this one is taken.
 
     Args:
         port: of the address.
-        wide: whether what steers it needs much room.
+        wide: whether the controls need much room.
 
     Raises:
         ConfigError: viser is not installed, or no port is free.
@@ -54,12 +54,12 @@ def serving(port: int, wide: bool = False) -> Iterator[Any]:
 
 
 def _quiet() -> contextlib.redirect_stdout[io.StringIO]:
-    """Whatever viser prints, which it does even if it is not to be verbose."""
+    """Keeps viser from printing, which it does even if it is told not to."""
     return contextlib.redirect_stdout(io.StringIO())
 
 
 BLUE, PALE, ORANGE, RED, GREY = (74, 134, 232), (150, 185, 235), (240, 140, 40), (220, 50, 50), (150, 150, 150)
-"""Red, green, blue of what is sure, filled in, unsure, lost, and of what is no body."""
+"""Red, green, blue of sure, filled-in, unsure and lost bodies, and of other things."""
 
 _N_ETA, _N_OMEGA = 9, 12
 """Latitudes and longitudes of a part's mesh, as in the report."""
@@ -80,20 +80,20 @@ class Stage:
         self.embody(scene.persons)
 
     def embody(self, persons: tuple[Person, ...]) -> None:
-        """Makes the bodies anew where they are others: those of a run are fitted before its first frame."""
+        """Makes the bodies anew if they differ: a run fits them before its first frame."""
         if [id(one.body) for one in persons] != [id(one.body) for one in self._persons]:
             self._bodies = [_body(self._server, person) for person in persons]  # nodes of the same name are replaced
             self._persons = persons
 
     def show(self, estimates: Sequence[Estimate]) -> None:
-        """Poses the bodies; who is lost is not shown."""
+        """Poses the bodies; lost persons are hidden."""
         for person, meshes, estimate in zip(self._persons, self._bodies, estimates, strict=True):
             _place(person, meshes, estimate.q)
             for mesh, colour in zip(meshes, colours_of_doubt(person, estimate), strict=True):
                 mesh.visible, mesh.color = not estimate.lost, colour
 
     def pose(self, poses: Sequence[Array]) -> None:
-        """Poses the bodies as somebody wants them (dof,), whom nothing is doubted of."""
+        """Poses the bodies at given poses (dof,), without doubts."""
         for person, meshes, q in zip(self._persons, self._bodies, poses, strict=True):
             _place(person, meshes, q)
             for mesh in meshes:
@@ -124,7 +124,7 @@ def colours_of_doubt(person: Person, estimate: Estimate) -> list[tuple[int, int,
 
 
 def _enter(server: Any, scene: Scene) -> None:
-    """Where a visitor stands at first: behind the first two cameras and above them, looking at the middle."""
+    """First viewpoint of a visitor: behind the first two cameras and above them, facing the middle."""
     centres = np.array([camera.centre for camera in scene.rig.cameras])
     middle = np.append(centres[:, :2].mean(axis=0), 0.9)
     outwards = centres[:2].mean(axis=0) - middle

@@ -1,4 +1,4 @@
-"""A run that can be looked at: which frame is shown, and what is said of it."""
+"""The viewer of a run: chooses the frame, and shows its status."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from tracker.tracking.estimate import Estimate
 from tracker.tracking.trajectory import Replay, Step
 
 _COLOURS = {"lost": RED, "doubtful": ORANGE, "filled": PALE}
-"""Of a status in the strip; all others are blue."""
+"""Colours of a status in the strip; all others are blue."""
 
 _STRIP_PX = 360, 10
 """Width of the strip, and height for a person."""
 
 _NOTHING = "-"
 _EVERY_S = 0.04
-"""Between two looks at what is to be shown."""
+"""Pause between two readings of the visitor's input."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class Shown:
 
 
 class Viewer:
-    """The stage with what steers it; frames may come while it is looked at.
+    """The stage with its controls; frames may come meanwhile.
 
-    Callbacks of the browser only say what is wanted; all is drawn by the thread that calls `draw`.
+    Callbacks of the browser only note a wish; the thread that calls `draw` does the drawing.
     """
 
     def __init__(self, server: Any, scene: Scene, interval_s: float, n_frames: int) -> None:
@@ -69,12 +69,12 @@ class Viewer:
 
     @property
     def n_frames(self) -> int:
-        """Frames that are there."""
+        """Number of frames so far."""
         return len(self._frames)
 
     @property
     def shown(self) -> int | None:
-        """Number of the frame that is shown."""
+        """Number of the frame shown."""
         return None if self._drawn is None else self._frames[self._drawn[0]].index
 
     def show_result(self, replays: Sequence[Replay]) -> None:
@@ -83,11 +83,11 @@ class Viewer:
         self.tell_doubts()
 
     def follow(self) -> None:
-        """Shows the newest frame, until the visitor does not want it."""
+        """Shows the newest frame, until the visitor chooses otherwise."""
         self._following.visible = self._following.value = True
 
     def add(self, step: Step) -> None:
-        """Takes a frame of a run that is going on, with its images, and the bodies that it was tracked with."""
+        """Takes a frame of a running run, with its images, and the bodies of the tracking."""
         self._scene = step.scene
         self._frames.append(Shown(step.frame.index, step.frame.time_s, step.estimates))
         self.pictures.add(step.frame)
@@ -97,7 +97,7 @@ class Viewer:
             self._slider.value = self.n_frames - 1
 
     def tell_doubts(self) -> None:
-        """Fills the strip and the list of the worst frames with what is known so far."""
+        """Fills the strip and the list of the worst frames."""
         judged = [
             [Judged(str(one.verdict), len(one.ambiguous), one.account.explained) for one in frame.estimates]
             for frame in self._frames
@@ -112,7 +112,7 @@ class Viewer:
         self._slider.value = position
 
     def draw(self) -> None:
-        """Draws the frame that is wanted, if it is another one, or if its images have come."""
+        """Draws the chosen frame, if it changed or its images have come."""
         with self._lock:
             if not self._frames:
                 return
@@ -132,14 +132,14 @@ class Viewer:
             self._drawn = position, images is not None
 
     def serve(self, seconds: float = float("inf")) -> None:
-        """Draws what is wanted for so long, seconds."""
+        """Draws for this time, seconds."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             self.draw()
             time.sleep(_EVERY_S)
 
     def _jump(self) -> None:
-        """To the frame whose line was chosen; lines begin with their time."""
+        """Goes to the frame of the chosen line; lines begin with their time."""
         if self._worst.value != _NOTHING:
             time_s = float(self._worst.value.split(" ")[0])
             times = np.array([frame.time_s for frame in self._frames])
@@ -163,11 +163,11 @@ class Viewer:
 
 
 def _sigmas(person: Person, estimate: Estimate) -> str:
-    """How well the joints are known: most of them, and the one that is known worst."""
+    """Standard deviations of the joints: the median, and the worst joint."""
     body = person.body
     sigmas_mm = 1000 * body.landmark_sigmas(estimate.q, estimate.covariance)[list(body.reported)]
     if not np.isfinite(sigmas_mm).all():
-        return "sigma of the joints: not told"
+        return "sigma of the joints: unknown"
     worst = body.landmark_names[body.reported[int(np.argmax(sigmas_mm))]].replace("_", " ")
     return f"sigma of the joints: {np.median(sigmas_mm):.0f} mm, of {worst} {sigmas_mm.max():.0f} mm"
 
@@ -194,7 +194,7 @@ def _colour(estimate: Estimate) -> tuple[int, int, int]:
 
 
 def view_result(result: Result, server: Any) -> tuple[Viewer, str]:
-    """Shows a result, with its images where the recording is still there.
+    """Shows a result, with its images if the recording is still there.
 
     Returns:
         The viewer, and why there are no images; empty if there are.
@@ -213,14 +213,14 @@ _TOLD_EVERY = 25
 
 
 class LiveRun:
-    """A run in a thread of its own; nothing is written."""
+    """A run in its own thread; it writes nothing."""
 
     def __init__(self, run: Run, server: Any, progress: Progress) -> None:
         """Begins to track.
 
         Args:
-            run: its inputs are opened here.
-            server: where it is shown.
+                    run: its inputs are opened here.
+                    server: where it is shown.
             progress: told how far it is.
 
         Raises:
@@ -253,6 +253,6 @@ class LiveRun:
             self.done.set()
 
     def close(self) -> None:
-        """Ends with the frame at work."""
+        """Ends with the present frame."""
         self._stopped.set()
         self._thread.join()
