@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from observations import bent, four_views
@@ -14,9 +15,9 @@ from tracker.evidence.measures.account import Account
 from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.regions import RegionEvidence
 from tracker.foundation.arrays import Array, Image, Region
-from tracker.images.operations.appearance import _TABLES, appearance, is_monochrome
+from tracker.images.operations.appearance import appearance, is_monochrome
 from tracker.images.sight import Sight
-from tracker.kernels.changes import mark_appearance
+from tracker.kernels.changes import count_coloured, mark_appearance
 from tracker.synthesis.cpu import CpuSynthesis
 
 RNG = np.random.default_rng(3)
@@ -48,15 +49,40 @@ def test_a_region_is_that_of_the_whole_picture(region: Region, in_colours: bool)
     np.testing.assert_array_equal(appearance(noise, region), whole[y : y + height, x : x + width])
 
 
-def test_lightness_chroma_and_texture_are_looked_up_as_by_numpy() -> None:
+def looked_up(image: Image, chroma: Image, slopes: tuple[int, int, int], grey: bool) -> Image:
+    """What each pixel of an image looks like, a picture for each step of it."""
+    lightness, red, blue = cv2.split(cv2.cvtColor(image, cv2.COLOR_BGR2YCrCb))
+    across, along = (
+        cv2.blur(cv2.convertScaleAbs(slope, alpha=10 / 8), (7, 7)) for slope in cv2.spatialGradient(lightness)
+    )
+    if grey:
+        return np.stack([lightness, across, along], axis=-1)
+    forth_and_back = 16 * np.array([[0, 1, 2, 3], [7, 6, 5, 4], [8, 9, 10, 11], [15, 14, 13, 12]], dtype=np.uint8)
+    classes = forth_and_back[np.searchsorted(slopes, across), np.searchsorted(slopes, along)]
+    return np.stack([lightness, chroma[7 * red.astype(int) - 4 * blue.astype(int) + 1020], classes], axis=-1)
+
+
+@pytest.mark.parametrize("grey", [False, True])
+@pytest.mark.parametrize("size", [(90, 120), (9, 5), (3, 40), (40, 2), (4, 4)])
+def test_one_pass_looks_up_what_a_pass_for_each_step_does(size: tuple[int, int], grey: bool) -> None:
     rng = np.random.default_rng(5)
-    colours, (across, along) = (rng.integers(0, 256, shape, np.uint8) for shape in ((20, 30, 3), (2, 20, 30)))
-    tables = rng.integers(0, 256, 1000, np.uint8), rng.integers(0, 4, 256, np.uint8), rng.integers(0, 256, 16, np.uint8)
-    looks, part = np.zeros((12, 17, 3), np.uint8), np.s_[3:15, 9:26]
-    mark_appearance(colours, across, along, (9, 3), (2, -1, 255), tables, looks)
-    lightness, red, blue = np.moveaxis(colours[part].astype(int), 2, 0)
-    classes = tables[2][4 * tables[1][across[part]] + tables[1][along[part]]]
-    np.testing.assert_array_equal(looks, np.stack([lightness, tables[0][2 * red - blue + 255], classes], axis=-1))
+    image = cv2.GaussianBlur(rng.integers(0, 256, (*size, 3), np.uint8), (0, 0), 0.8)
+    chroma, slopes = rng.integers(0, 256, 2806, np.uint8), (60, 90, 130)
+    whole = looked_up(image, chroma, slopes, grey)
+    for _ in range(20):
+        left, top = (int(rng.integers(0, length)) for length in size[::-1])
+        looks = np.zeros(
+            (int(rng.integers(1, size[0] - top + 1)), int(rng.integers(1, size[1] - left + 1)), 3), np.uint8
+        )
+        mark_appearance(image, (left, top), (7, -4, 1020), chroma, slopes, grey, looks)
+        part = whole[top : top + looks.shape[0], left : left + looks.shape[1]]
+        np.testing.assert_array_equal(looks, part)
+
+
+def test_coloured_pixels_are_counted_as_by_numpy() -> None:
+    image = np.random.default_rng(6).integers(0, 256, (37, 53, 3), np.uint8)
+    spread = np.ptp(image[::4, ::4].astype(int), axis=2)
+    assert count_coloured(image, 4, 100) == np.count_nonzero(spread > 100)
 
 
 def test_what_a_codec_makes_of_grey_is_grey() -> None:
@@ -104,12 +130,6 @@ def test_without_colours_slopes_have_channels_of_their_own() -> None:
     np.testing.assert_array_equal(grey, stripes[8:56, 8:56, 0])
     assert across.mean() == pytest.approx(10 * 5 * np.sin(1) * 2 / np.pi, rel=0.1)  # tenths of a grey level a px
     assert not along.any()
-
-
-def test_textures_beside_each_other_differ_by_one_step() -> None:
-    """The window over the classes smooths from each to its neighbours."""
-    steps = np.array([divmod(int(np.flatnonzero(_TABLES[2] == BIN * k)[0]), 4) for k in range(16)])
-    assert (np.abs(np.diff(steps, axis=0)).sum(axis=1) == 1).all()
 
 
 @pytest.fixture(scope="module")

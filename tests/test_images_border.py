@@ -32,8 +32,7 @@ SLOPES = image(4, 6, dtype=np.int16), image(4, 6, dtype=np.int16)
 PIXELS, STARTS = image(3, 2, dtype=np.int32), np.array([0, 3, 3, 3], np.int32)
 APART = np.array([[0, 0], [1, 1], [3, 1]], np.int32)
 RATIOS, GAINS, MASK = image(3, 4, 3, dtype=np.float64), image(2, 2, 3, dtype=np.float32), image(5, 4, dtype=np.bool_)
-LOOKS = image(4, 4, 3), image(4, 4), image(4, 4)
-TABLES = image(100), image(256), image(16)
+LOOKS = (7, 14, 28), False, image(4, 4, 3)
 
 REFUSED = {
     "size: .*at least 1": ("block_ratios", image(6, 8, 3), image(6, 8, 3), 0, 1, RATIOS),
@@ -73,18 +72,19 @@ REFUSED = {
     "segments: .*2,": ("trace_segments", edges((3, 3)), *SLOPES, RULE, image(0, 0), *traced(2)[:2], traced(3)[2]),
     "reach: .*at least 0 px": ("chamfer_distances", PIXELS, np.nan, image(5, 4, dtype=np.float32)),
     "pixels: .*inside": ("chamfer_distances", PIXELS - np.int32(1), 40.0, image(5, 4, dtype=np.float32)),
-    "corner: .*inside": ("mark_appearance", *LOOKS, (1, 0), (0, 0, 0), *TABLES, image(4, 4, 3)),
-    "weights .*0 to 99, found 255": ("mark_appearance", *LOOKS, (0, 0), (1, 0, 0), *TABLES, image(4, 4, 3)),
-    "steps: .*0 to 3, found 4": (
+    "corner: .*inside": ("mark_appearance", image(4, 4, 3), (1, 0), (0, 0, 0), image(100), *LOOKS),
+    "weights .*0 to 99, found 255": ("mark_appearance", image(4, 4, 3), (0, 0), (1, 0, 0), image(100), *LOOKS),
+    "chroma: .*at most": ("mark_appearance", image(4, 4, 3), (0, 0), (0, 0, 0), image(32769), *LOOKS),
+    "slopes: .*0 to 255, found 256": (
         "mark_appearance",
-        *LOOKS,
+        image(4, 4, 3),
         (0, 0),
         (0, 0, 0),
-        TABLES[0],
-        np.full(256, 4, np.uint8),
-        TABLES[2],
-        image(4, 4, 3),
+        image(100),
+        (7, 14, 256),
+        *LOOKS[1:],
     ),
+    "spacing: .*at least 1": ("count_coloured", image(4, 4, 3), 0, 8),
 }
 
 

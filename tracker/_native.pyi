@@ -185,16 +185,15 @@ def expected_distances(
     edges: Array32, directions: Array32, samples: Array32, bend_px: float, most_px: float, distances: Array32
 ) -> None: ...
 def mark_appearance(
-    colours: Image,
-    across: Image,
-    along: Image,
+    image: Image,
     corner: tuple[int, int],
     weights: tuple[int, int, int],
     chroma: Image,
-    steps: Image,
-    classes: Image,
+    slopes: tuple[int, int, int],
+    grey: bool,
     looks: Image,
 ) -> None: ...
+def count_coloured(image: Image, spacing: int, level: int) -> int: ...
 def mark_changes(image: Image, plate: Image, origin: tuple[int, int], level: float, moving: Image) -> None: ...
 def median_level(picture: Image) -> float: ...
 def large_regions(labels: Pixels, n_labels: int, least: float, mask: Mask) -> None: ...

@@ -4,17 +4,21 @@
 
 namespace bodytrack::images {
 
-// Chroma (K,) by place, steps (256,) of a slope, 0 to 3, and classes (16,) of four times a step across plus one along.
-// The place of chroma is red Cr + blue Cb + added.
+// How colours and slopes are told apart.
 struct Appearances {
-    Array<const Byte, 1> chroma, steps, classes;
+    // (K,) chroma by place; the place is red Cr + blue Cb + added.
+    Array<const Byte, 1> chroma;
     Index red, blue, added;
+    // The largest slopes of the first three steps, tenths of a grey level a px.
+    Byte slopes[3];
 };
 
-// Lightness, chroma and the class of texture (h, w, 3) of every pixel of a region at x, y of a part of an image: its
-// lightness, Cr and Cb (H, W, 3), and slopes across and along (H, W).
-void mark_appearance(Array<const Byte, 3> colours, Array<const Byte, 2> across,
-                     Array<const Byte, 2> along, Index x, Index y, const Appearances &tables,
+// Lightness, chroma and the class of texture (h, w, 3) of every pixel of a region at x, y of a BGR image (H, W, 3).
+// Of a grey one lightness, and mean slopes across and along. One pass, whose rows stay in the cache.
+void mark_appearance(Array<const Byte, 3> image, Index x, Index y, const Appearances &appearances, bool grey,
                      Array<Byte, 3> looks);
+
+// How many of every so many pixels, in both directions, have channels that differ by more than so many levels.
+Index count_coloured(Array<const Byte, 3> image, Index spacing, Index level);
 
 }  // namespace bodytrack::images

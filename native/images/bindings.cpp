@@ -25,6 +25,7 @@ namespace images {
 namespace {
 
 constexpr const char *PIXELS = "pixels inside the picture";
+constexpr Index MOST_PLACES = 1 << 15;
 constexpr const char *EDGES = "an empty border, and no more edge pixels than there is room for";
 
 using Place = std::pair<Index, Index>;
@@ -262,27 +263,33 @@ void bind_pictures(nb::module_ &module) {
         named("pixels"), nb::arg("reach"), named("distance"));
     module.def(
         "mark_appearance",
-        [](nb::handle colours, nb::handle across, nb::handle along, Place corner, Three weights,
-           nb::handle chroma, nb::handle steps, nb::handle classes, nb::handle looks) {
-            const Input<Byte, 3> c(colours, "colours", {ANY, ANY, 3});
-            const Input<Byte, 2> x(across, "across", {c.length(0), c.length(1)});
-            const Input<Byte, 2> y(along, "along", {c.length(0), c.length(1)});
-            const Input<Byte, 1> of_chroma(chroma, "chroma", {ANY}), of_steps(steps, "steps", {256});
-            const Input<Byte, 1> of_classes(classes, "classes", {16});
+        [](nb::handle image, Place corner, Three weights, nb::handle chroma, Three slopes, bool grey, nb::handle looks) {
+            const Input<Byte, 3> i(image, "image", {ANY, ANY, 3});
+            const Input<Byte, 1> of_chroma(chroma, "chroma", {ANY});
             const Output<Byte, 3> out(looks, "looks", {ANY, ANY, 3});
-            part_of(corner, "corner", out.length(1), out.length(0), c.length(1), c.length(0));
+            part_of(corner, "corner", out.length(1), out.length(0), i.length(1), i.length(0));
             const auto [red, blue, added] = weights;
+            expect(of_chroma.length(0) <= MOST_PLACES, "chroma", "at most 32768 places");
             for (const Index cr : {0, 255})
                 for (const Index cb : {0, 255}) {
                     const Index place = red * cr + blue * cb + added;
                     within(&place, 1, "weights (place of chroma)", 0, of_chroma.length(0));
                 }
-            within((*of_steps).data, 256, "steps", 0, 4);
-            const Appearances tables{*of_chroma, *of_steps, *of_classes, red, blue, added};
-            unlocked([&] { mark_appearance(*c, *x, *y, corner.first, corner.second, tables, *out); });
+            const Index steps[] = {std::get<0>(slopes), std::get<1>(slopes), std::get<2>(slopes)};
+            within(steps, 3, "slopes", 0, 256);
+            const Appearances told{*of_chroma, red, blue, added, {Byte(steps[0]), Byte(steps[1]), Byte(steps[2])}};
+            unlocked([&] { mark_appearance(*i, corner.first, corner.second, told, grey, *out); });
         },
-        named("colours"), named("across"), named("along"), nb::arg("corner"), nb::arg("weights"), named("chroma"),
-        named("steps"), named("classes"), named("looks"));
+        named("image"), nb::arg("corner"), nb::arg("weights"), named("chroma"), nb::arg("slopes"), nb::arg("grey"),
+        named("looks"));
+    module.def(
+        "count_coloured",
+        [](nb::handle image, Index spacing, Index level) {
+            const Input<Byte, 3> i(image, "image", {ANY, ANY, 3});
+            expect(spacing > 0, "spacing", "at least 1 px");
+            return unlocked([&] { return count_coloured(*i, spacing, level); });
+        },
+        named("image"), nb::arg("spacing"), nb::arg("level"));
 }
 
 }  // namespace

@@ -42,25 +42,34 @@ def large_regions(labels: NDArray[np.int32], n_labels: int, least: float, mask: 
 
 
 def mark_appearance(
-    colours: Image,
-    across: Image,
-    along: Image,
+    image: Image,
     corner: tuple[int, int],
     weights: tuple[int, int, int],
-    tables: tuple[Image, Image, Image],
+    chroma: Image,
+    slopes: tuple[int, int, int],
+    grey: bool,
     looks: Image,
 ) -> None:
     """Lightness, chroma and the class of texture of every pixel of a region.
 
+    Lightness, Cr and Cb are those of ITU-R BT.601; slopes are Sobel's of the lightness, their sizes averaged over 7 x 7
+    px. Beyond the image both are mirrored.
+
     Args:
-        colours: (H, W, 3) lightness, Cr and Cb of a part of an image.
-        across, along: (H, W) slopes.
-        corner: pixel (x, y) of the region's upper left corner in these.
+        image: (H, W, 3) BGR.
+        corner: pixel (x, y) of the region's upper left corner.
         weights: of Cr and of Cb in the place looked up for chroma, and what is added to it, so that none is below 0.
-        tables: chroma (K,); steps of a slope (256,), 0 to 3; classes (16,) of four times a step across plus one along.
+        chroma: (K,) by place.
+        slopes: largest of each of the first three steps of a slope, tenths of a grey level a px.
+        grey: whether mean slopes across and along take the place of chroma and class.
         looks: (h, w, 3) output.
     """
-    native.mark_appearance(colours, across, along, corner, weights, *tables, looks)
+    native.mark_appearance(image, corner, weights, chroma, slopes, grey, looks)
+
+
+def count_coloured(image: Image, spacing: int, level: int) -> int:
+    """Of every so many pixels of an image (h, w, 3), in both directions, those whose channels differ by more."""
+    return native.count_coloured(image, spacing, level)
 
 
 # Which of the pixels that have changed are a shadow on the background.

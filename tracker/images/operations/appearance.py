@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
 
 import cv2
 import numpy as np
 
 from tracker.foundation.arrays import Array32, Image, Integers, Mask, Region, frozen
-from tracker.kernels.changes import block_ratios, connected_blocks, mark_appearance, relight, smooth_surface
+from tracker.kernels.changes import (
+    block_ratios,
+    connected_blocks,
+    count_coloured,
+    mark_appearance,
+    relight,
+    smooth_surface,
+)
 
 SAMPLING = 4
 """Pixels from one to the next of the sparse pictures from which light and noise are found."""
@@ -159,9 +165,6 @@ _PALE = 40.0
 """Chroma, levels, up to which pale colours are told apart: 3 of 128 to a level near grey, less and less beyond. In
 straight steps a person before grey walls was 30 mm (18) off, with a joint off in 10 of 80 frames."""
 
-_WINDOW = 7
-"""Side of the square that slopes are averaged over, px; of persons some 300 px high forearms are 20 to 30 px wide."""
-
 # See docs/lab/colours.md.
 _SLOPES = 0.7, 1.4, 2.8
 """Mean slopes between the four steps of either direction, grey levels a px: of noise, skin, walls and floors."""
@@ -175,28 +178,15 @@ around a person, 3 % differ by more."""
 
 # Every eighth pixel in both directions is enough for it.
 _SAMPLING = 8
-# Rows and columns beside a region that its texture hangs on.
-_MARGIN = 1 + _WINDOW // 2
-# Tenths of grey levels a px, from Sobel's filter: the sum of its weights on either side, times the distance of the two.
-# So a bin of 16 levels of a slope's own channel is 1.6 grey levels a px wide.
-_SOBEL_TENTHS = 10 / 8
 
 
-def _tables() -> tuple[Image, Image, Image]:
-    """Chroma of quarters from the least on; step of a slope; 16 times the class of a step across and one along.
-
-    Classes go forth and back through the steps of one direction: those beside each other differ by one step, so that a
-    window over them smooths what it should.
-    """
+def _chroma() -> Image:
+    """Chroma of quarters of a level, from the least on."""
     quarters = np.arange(255 * _BLUE, 255 * _RED + 1) - 128 * (_RED + _BLUE)
-    chroma = 128 + 127 * np.tanh(np.clip(np.rint(quarters / 4), -128, 127) / _PALE)
-    steps = np.searchsorted(10 * np.array(_SLOPES), np.arange(256))
-    classes = 16 * np.arange(16).reshape(4, 4)
-    classes[1::2] = classes[1::2, ::-1]
-    return frozen(np.round(chroma), np.uint8), frozen(steps, np.uint8), frozen(classes.ravel(), np.uint8)
+    return frozen(np.round(128 + 127 * np.tanh(np.clip(np.rint(quarters / 4), -128, 127) / _PALE)), np.uint8)
 
 
-_TABLES = _tables()
+_CHROMA = _chroma()
 
 
 def appearance(image: Image, region: Region) -> Image:
@@ -215,26 +205,13 @@ def appearance(image: Image, region: Region) -> Image:
         (height, width, 3).
     """
     x, y, width, height = region
-    left, top = max(x - _MARGIN, 0), max(y - _MARGIN, 0)
-    part = image[top : y + height + _MARGIN, left : x + width + _MARGIN]
-    colours = cv2.cvtColor(part, cv2.COLOR_BGR2YCrCb)
-    lightness = cv2.extractChannel(colours, 0)
-    across, along = (
-        cv2.blur(cv2.convertScaleAbs(slope, alpha=_SOBEL_TENTHS), (_WINDOW, _WINDOW))
-        for slope in cv2.spatialGradient(lightness)
-    )
-    if is_monochrome(image):
-        merged: Image = cv2.merge([lightness, across, along])
-        return np.ascontiguousarray(merged[y - top : y - top + height, x - left : x - left + width])
     looks = np.empty((height, width, 3), dtype=np.uint8)
-    corner, weights = (x - left, y - top), (_RED, _BLUE, -255 * _BLUE)
-    mark_appearance(colours, across, along, corner, weights, _TABLES, looks)
+    weights, (first, second, third) = (_RED, _BLUE, -255 * _BLUE), (round(10 * slope) for slope in _SLOPES)
+    mark_appearance(image, (x, y), weights, _CHROMA, (first, second, third), is_monochrome(image), looks)
     return looks
 
 
 def is_monochrome(image: Image) -> bool:
     """Whether an image (h, w, 3) has no colours."""
-    channels = cv2.split(np.ascontiguousarray(image[::_SAMPLING, ::_SAMPLING]))
-    brightest, darkest = reduce(cv2.max, channels), reduce(cv2.min, channels)
-    coloured = cv2.countNonZero(cv2.compare(cv2.subtract(brightest, darkest), _ALIKE_GREY, cv2.CMP_GT))
-    return bool(coloured < _COLOURED_SHARE * brightest.size)
+    n_looked_at = -(-image.shape[0] // _SAMPLING) * -(-image.shape[1] // _SAMPLING)
+    return bool(count_coloured(image, _SAMPLING, _ALIKE_GREY) < _COLOURED_SHARE * n_looked_at)
