@@ -57,7 +57,7 @@ def test_the_settings_of_a_default_recording_are_changed_in_its_place():
         ([{"width_px": 320}], "no `use`"),
         ([3], "3 found, expected a name"),
         ("overlay", "'overlay' found, expected a list of names, or a table"),
-        (["overlay", {"use": "overlay", "quality": 30}], '"overlay" is asked for twice'),
+        (["overlay", {"use": "overlay", "quality": 30}], '"overlay" is named twice'),
     ],
 )
 def test_a_wrong_choice_of_recordings_is_one_clear_line(entry, words):

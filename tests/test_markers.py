@@ -210,7 +210,7 @@ def test_who_wore_the_markers_must_be_said(body, recording, tmp_path):
     chosen = write_set(tmp_path / "set.toml")
     with pytest.raises(SequenceError, match="2 persons: choose by --person"):
         compare(result, tmp_path / "m.trc", chosen)
-    with pytest.raises(SequenceError, match='nobody is called "bn"; did you mean "ben"'):
+    with pytest.raises(SequenceError, match='no person is called "bn"; did you mean "ben"'):
         compare(result, tmp_path / "m.trc", chosen, "bn")
     assert compare(result, tmp_path / "m.trc", chosen, "ben").track.person == "ben"
     with pytest.raises(SequenceError, match=r"no joints\.csv there"):

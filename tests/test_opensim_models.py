@@ -208,7 +208,7 @@ def test_it_is_exported_by_the_command(model, tmp_path):
     for more, words in (
         ([], "--model needs --to"),
         (["--model", str(model), "--mass-kg", "72kg"], "--mass-kg 72kg: expected kilograms"),
-        (["--model", str(model), "--mass-kg", "nils=72"], 'nobody is called "nils"'),
+        (["--model", str(model), "--mass-kg", "nils=72"], 'no person is called "nils"'),
     ):
         told = CliRunner().invoke(app, [*arguments, *more])
         assert isinstance(told.exception, ConfigError), told.output

@@ -114,7 +114,7 @@ def test_a_result_is_what_its_tables_say(tmp_path):
 def test_wrong_names_are_answered_with_the_nearest(tmp_path):
     result = tracker.load_result(made_up("gavrila22").result(tmp_path))
     assert len(repr(result)) + len(repr(result.persons[0])) < 400
-    with pytest.raises(ConfigError, match='nobody is called "person"; did you mean "person1"'):
+    with pytest.raises(ConfigError, match='no person is called "person"; did you mean "person1"'):
         result.person("person")
     with pytest.raises(ConfigError, match='no joint "left_elbo"; did you mean "left_elbow"'):
         result.persons[0].joint("left_elbo")

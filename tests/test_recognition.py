@@ -132,7 +132,7 @@ def test_frames_are_interpolated_over_short_gaps_only():
 def test_a_segment_with_the_name_of_the_vertical_is_refused():
     body = load_body(model_path("quadruped"))
     parts = (replace(body.parts[0], segment="vertical"), *body.parts[1:])
-    with pytest.raises(ModelError, match='a direction "vertical": call the segment otherwise'):
+    with pytest.raises(ModelError, match='a direction "vertical": give the segment another name'):
         features_of(replace(body, parts=parts))
 
 
@@ -324,7 +324,7 @@ def test_a_round_is_cut_out_of_what_repeats():
     poses = np.tile(BODY.rest(), (40, 1))
     for name in ("left_arm_elevation", "right_leg_elevation", "left_leg_extension"):
         poses[:, BODY.index(name)] = bend
-    with pytest.raises(ConfigError, match="does not come back"):
+    with pytest.raises(ConfigError, match="does not return"):
         one_round(course_of(BODY, np.arange(40) / 25, poses))
 
 

@@ -113,7 +113,7 @@ def test_each_head_number_says_what_is_good_or_bad_about_it(tmp_path: Path) -> N
     bad = judged(made_up("human"), N_FRAMES + 2)
     assert bad["lost"] == (str(LOST.stop - LOST.start), "bad")
     assert bad[f"frames of {N_FRAMES + 2}"][1] == "bad"
-    assert judged(doubted())["with a limb that may be elsewhere"] == ("3", "look")
+    assert judged(doubted())["with an ambiguous limb"] == ("3", "look")
     for share, verdict in ((0.8, "good"), (0.7, "look"), (0.3, "bad")):
         assert judged(sure(), mean_explained=share)["of the contour explained"] == (f"{share:.0%}", verdict)
     assert judged(sure(), mean_explained=None)["of the contour explained"] == ("-", "")

@@ -192,8 +192,8 @@ def wanted(config: Path, use: str, output: str | None = None, overrides: Sequenc
     Args:
         config: of the run; only its recording and `keypoints` count.
         use: the detector.
-        output: folders to write, with `{view}`; None for those in the configuration, else `USUAL` beside it. overrides:
-            `section.key=value`; those of the section `detection` are for the detector.
+        output: folders to write, with `{view}`; None for those in the configuration, else `USUAL` beside it.
+        overrides: `section.key=value`; those of the section `detection` are for the detector.
 
     Raises:
         ConfigError: names section and key.

@@ -250,8 +250,7 @@ def at_one_moment(moment: Moment, delays_s: Array) -> Array:
 
     Args:
         moment: the images, the pose as tracked and its movement.
-        delays_s: (V,) delay of each view against the first
-            one.
+        delays_s: (V,) delay of each view against the first one.
     """
     person, looks = moment.scene.persons[moment.person], looks_of(moment)
     spread = np.where(person.body.rotates, *POSE_SPREAD)

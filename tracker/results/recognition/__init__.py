@@ -1,4 +1,4 @@
-"""Recognition of movements (Gavrila & Davis 1995): joint angles, matched by dynamic time warping with known ones."""
+"""Recognition of movements (Gavrila & Davis 1995): dynamic time warping of joint angles against known movements."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from tracker.foundation.arrays import Array, Array32, Mask, frozen
 from tracker.foundation.errors import ModelError
 
 _TRIED, _SPREAD, _STIFF = 16, 0.3, 1e-6
-"""Poses about that at rest, rad and m, in which a segment that always points the same way shows that it does."""
+"""Poses about the reference pose, rad and m, in which a segment without any turn shows that it has none."""
 
 _VERTICAL = "vertical"
 
 _ALIKE = 0.01
-"""Directions of a body with two sides, at rest, are those of its mirror image to so much."""
+"""Tolerance of the mirror symmetry of directions of a body with two sides, at rest."""
 
 
 @dataclass(frozen=True)
@@ -27,32 +27,34 @@ class Features:
     names: tuple[str, ...]
 
     partners: tuple[int, ...] = ()
-    """For each the number of that of the other side; empty for a body that has no sides."""
+    """For each the number of the other side's; empty for a body without sides."""
 
     across: tuple[float, float, float] = (0.0, 1.0, 0.0)
     """Normal of the plane between the sides."""
 
     def mirrored(self, directions: Array32) -> Array32:
-        """Directions (T, L, 3) with the sides exchanged, of a body that has sides."""
+        """Directions (T, L, 3) with the sides exchanged, of a body with sides."""
         normal, found = np.array(self.across, dtype=np.float32), directions[:, list(self.partners)]
         turned: Array32 = found - 2 * (found @ normal)[..., None] * normal / (normal @ normal)
         return frozen(turned, np.float32)
 
 
 def features_of(body: BodyModel) -> Features:
-    """The segments of a body that do not always point the same way, and the vertical if it moves about.
+    """The segments of a body that can turn, and the vertical if the body moves about.
 
     Raises:
         ModelError: it has no such segment, or one with the name of the vertical.
     """
     named = dict.fromkeys(part.segment for part in body.parts)
     if _VERTICAL in named:
-        raise ModelError(f'model "{body.name}": movements have a direction "{_VERTICAL}": call the segment otherwise')
+        raise ModelError(
+            f'model "{body.name}": movements have a direction "{_VERTICAL}": give the segment another name'
+        )
     q = body.clamped(body.rest() + np.random.default_rng(0).normal(0, _SPREAD, (_TRIED, body.dof)))
     turning = np.ptp(segment_directions(body, Features(tuple(named)), q), axis=0).max(axis=1) > _STIFF
     names = tuple(name for name, turns in zip(named, turning, strict=True) if turns)
     if not names:
-        raise ModelError(f'model "{body.name}" has no segment that turns: there is no movement to tell')
+        raise ModelError(f'model "{body.name}" has no segment that turns: there is no movement to recognize')
     names = names if body.stays else (*names, _VERTICAL)
     others = [body.mirror.of(name) for name in names]
     features = Features(names, (), body.mirror.across)
@@ -64,9 +66,9 @@ def features_of(body: BodyModel) -> Features:
 
 
 def segment_directions(body: BodyModel, features: Features, poses: Array) -> Array:
-    """(T, L, 3) unit vectors of features at poses (T, dof), in the axes of what carries the body.
+    """(T, L, 3) unit vectors of features at poses (T, dof), in the axes of the segment that carries the body.
 
-    A segment points as its first part does: others may be things that it carries.
+    A segment points as its first part does: its other parts may be carried things.
     """
     if body.stays:
         axes = np.tile(np.eye(3), (len(poses), 1, 1))
@@ -82,18 +84,18 @@ def segment_directions(body: BodyModel, features: Features, poses: Array) -> Arr
 
 # The features that movements are compared by: where each limb points, seen from the segment it hangs on.
 #
-# These are the joint angles of Gavrila & Davis without the singularities of angles: they say nothing of the world's
-# axes, of where somebody stands and faces, nor of the lengths of the limbs, so that persons, body models and motion
+# These are the joint angles of Gavrila & Davis without the singularities of angles. They do not depend on the world's
+# axes, on the person's place and heading, nor on the lengths of the limbs, so that persons, body models and motion
 # files compare. A difference between two of them is an angle. Other bodies are told by their segments, see
 # `tracker.results.recognition`, and compare with themselves alone.
 
 JOINTS = tuple(
     f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 )
-"""Landmarks that the features are made of."""
+"""Landmarks of the features."""
 
 LIMBS = tuple(f"{side}_{limb}" for side in ("left", "right") for limb in ("upper_arm", "forearm", "thigh", "shin"))
-"""Limbs whose direction counts; behind them comes the vertical, seen from the trunk."""
+"""Limbs whose direction counts; then the vertical, seen from the trunk."""
 
 FEATURES = (*LIMBS, "vertical")
 
@@ -101,15 +103,15 @@ PERSONS = Features(FEATURES, (*range(len(LIMBS) // 2, len(LIMBS)), *range(len(LI
 """Those of all persons."""
 
 RATE_HZ = 25.0
-"""Frames a second that movements are compared at."""
+"""Frame rate of comparisons, Hz."""
 
 _LONGEST_GAP_S = 0.25
-"""Frames are interpolated over gaps up to this long: half the time of the quickest swing of an arm."""
+"""Largest gap that is interpolated, seconds: half the time of the quickest swing of an arm."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """How one person moved, at even times."""
+    """The movement of one person, at even times."""
 
     start_s: float
     """Time of the first frame, seconds; the others follow at `RATE_HZ`."""
@@ -121,7 +123,7 @@ class Course:
     """(T,) frames in which the joints are known."""
 
     features: Features = PERSONS
-    """What the directions are those of."""
+    """Meaning of the directions."""
 
     @property
     def times_s(self) -> Array:
@@ -131,7 +133,7 @@ class Course:
 
     @property
     def seconds(self) -> float:
-        """How long it is."""
+        """Duration, seconds."""
         return len(self.known) / RATE_HZ
 
     def part(self, first: int, behind: int) -> Course:
@@ -140,11 +142,11 @@ class Course:
         return replace(self, start_s=start, directions=directions, known=self.known[first:behind])
 
     def part_known(self) -> Course:
-        """The known frames, put together."""
+        """The known frames, joined."""
         return replace(self, directions=self.directions[self.known], known=self.known[self.known])
 
     def mirrored(self) -> Course:
-        """The same movement with left and right exchanged, of a body that has sides."""
+        """The same movement with left and right exchanged, of a body with sides."""
         return replace(self, directions=self.features.mirrored(self.directions))
 
 
@@ -155,7 +157,7 @@ def limb_directions(joints: Array) -> Array:
         joints: (T, 12, 3) in the order of `JOINTS`, any unit, the world's z up.
 
     Returns:
-        (T, 9, 3) unit vectors in the order of `FEATURES`; NaN where a joint is missing or two lie at one place.
+        (T, 9, 3) unit vectors in the order of `FEATURES`; NaN if a joint is missing or two joints coincide.
     """
     left, right = joints[:, :6], joints[:, 6:]
     along = (left[:, 0] + right[:, 0] - left[:, 3] - right[:, 3]) / 2
@@ -181,7 +183,7 @@ def _axes(along: Array, across: Array) -> Array:
 
 
 def course(times_s: Array, joints: Array) -> Course:
-    """Directions at even times, of joints at any.
+    """Directions at even times, from joints at any times.
 
     Args:
         times_s: (T,) seconds, rising.
@@ -191,7 +193,7 @@ def course(times_s: Array, joints: Array) -> Course:
 
 
 def _even(times_s: Array, directions: Array, features: Features) -> Course:
-    """Directions (T, L, 3) of any times (T,) at even ones."""
+    """Directions (T, L, 3) at any times (T,), interpolated at even ones."""
     good = np.flatnonzero(np.isfinite(directions).all(axis=(1, 2)))
     n_frames = int(np.floor((times_s[-1] - times_s[0]) * RATE_HZ + 1e-6)) + 1
     even = times_s[0] + np.arange(n_frames) / RATE_HZ
@@ -213,10 +215,10 @@ def _even(times_s: Array, directions: Array, features: Features) -> Course:
 def course_of(body: BodyModel, times_s: Array, poses: Array) -> Course:
     """Directions at even times, of poses (T, dof) of a body at times (T,) in seconds; NaN where lost.
 
-    A person is who has the landmarks `JOINTS`, or whose model file says in `[keypoints]` what means them.
+    A person is a body with the landmarks `JOINTS`, or with names for them in `[keypoints]` of its model file.
 
     Raises:
-        ModelError: the body is no person's, and no segment of it turns.
+        ModelError: the body is not a person's, and no segment of it turns.
     """
     lost: Mask = np.asarray(~np.isfinite(poses).all(axis=1))
     placed, called = np.where(lost[:, None], body.rest(), poses), meant(JOINTS, body)

@@ -1,4 +1,4 @@
-"""A library as kernels take it: all variants of its performances behind each other."""
+"""A library for the kernels: all variants of its performances one after the other."""
 
 from __future__ import annotations
 
@@ -17,54 +17,55 @@ from tracker.results.recognition.library import LEAST_FRAMES, Library, Movement
 
 @dataclass(frozen=True)
 class Rule:
-    """When something counts as recognized."""
+    """Limits of recognition."""
 
     limit: float = 0.7
-    """Share of a known movement's extent that the angles to it must stay below. The extent is what the best of its own
-    poses would leave if it stood still: below 0.7, the movement explains more than half of the variance."""
+    """Share of a known movement's extent that the angles to it must stay below. The extent is the angle that the best
+    single pose of the movement
+    would leave: below 0.7, the movement explains more than half of the variance."""
 
     # See docs/lab/everyday_movements.md.
     least_limit_deg: float = 16.0
-    """The limit of a movement of small extent: how differently two persons stand. The walks of one person are 4 degrees
-    apart, of two persons 9 to 13; who stands with bent knees is 14 from the next one who stands."""
+    """The limit for a movement of small extent: two persons stand differently. The walks of one person are 4 degrees
+    apart, of two persons 9 to 13; a person with bent knees stands 14 degrees from the next one."""
 
     most_limit_deg: float = 32.0
-    """The limit of a movement of large extent. Without one, arms swung round explained the beginning of all that arms
-    do. The runs of two persons are 25 degrees apart."""
+    """The limit for a movement of large extent. Without one, arms swung round explained the beginning of all movements
+    of arms. The runs of two persons are 25 degrees apart."""
 
     least_moved_deg: float = 10.0
-    """What a limb counts that does not move: as one that departs by so much from its mean direction. Of nine limbs that
-    count alike one that points or waves says little, and the postures of the others use up the limit."""
+    """Weight of a limb at rest: that of a limb that departs by this angle from its mean direction. If nine limbs count
+    alike, one that points or waves matters little, and the postures of the others use up the limit."""
 
     evidence_s: float = 0.1
-    """What a movement must be better than nothing, in seconds at no angle at all."""
+    """Least advantage of a movement over none, in seconds at no angle at all."""
 
     margin: float = 0.15
-    """Share of a movement that may be missing at each end, where it does not repeat."""
+    """Share of a movement that may be missing at each end, if it does not repeat."""
 
     least_round: float = 0.5
-    """Share of a round that a movement that repeats must last."""
+    """Least share of a cycle of a repeating movement."""
 
     sizes: tuple[float, ...] = (0.75, 1.0, 1.35)
-    """How far the limbs of a movement that repeats may swing about their mean direction, times that of the known
-    performance."""
+    """Largest swing of the limbs about their mean direction, times that of the known performance, of a repeating
+    movement."""
 
     depths: tuple[float, ...] = (0.5, 0.75, 1.0, 1.35)
-    """How far the limbs may leave the posture in which a movement begins and ends, times that of the known performance:
+    """Range of the departure from the posture in which a movement begins and ends, times that of the known performance:
     a shallow squat and a deep one."""
 
     tempos: tuple[float, ...] = (0.65, 1.0, 1.5)
-    """How many times as fast as the known performance a movement that does not repeat may be, before warping halves or
-    doubles that once more: it may take a third to three times as long."""
+    """Range of speed, times the known performance's, of a movement that does not repeat, before warping halves or
+    doubles it once more: it may take a third to three times as long."""
 
 
 _MOST_POSES = 400
-"""Of a long stretch whose extent is measured: 16 seconds of all its frames, or some of a longer one."""
+"""Frames of a long stretch that measure its extent: 16 seconds of all its frames, or some of a longer one."""
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A performance as somebody else might show it."""
+    """A performance as another person might show it."""
 
     movement: str
     performance: str
@@ -72,45 +73,45 @@ class Variant:
     repeats: bool
 
     counted: Integers
-    """Numbers of the directions that it is told by."""
+    """Numbers of its decisive directions."""
 
     directions: Array32
     """(D, L, 3) of these; variants of several tempos share them."""
 
     weights: Array32
-    """(L,) what each of these counts; they add up to 1."""
+    """(L,) their weights; the sum is 1."""
 
     shown: Integers
-    """(F,) which of the D frames it shows, one after the other; those of a slow one are there twice."""
+    """(F,) its frames among the D, one after the other; a slow variant has them twice."""
 
     tempo: float
-    """Times as fast as the known performance."""
+    """Speed, times the known performance's."""
 
     reach_deg: float
     """The largest angle between two poses of the known performance."""
 
     limit_deg: float
-    """The largest angle that counts as this."""
+    """Largest angle that counts as this movement."""
 
     slack: int
     """Frames; see `warp_sequence`."""
 
     least_size: float
-    """What is smaller is not told: half of the smallest variant, or 0.7 of it where half a round is enough. The
-    beginning of a cartwheel is like half a round of a jumping jack 0.48 times as large; a person's run is 0.56 times as
-    large as another one's."""
+    """Least extent: half of the smallest variant's, or 0.7 of it if half a cycle is enough. The beginning of a
+    cartwheel is like half a cycle of a jumping jack 0.48 times as large; a person's run is 0.56 times as large as
+    another one's."""
 
     @property
     def least_frames(self) -> int:
-        """That it has to last."""
+        """Least duration."""
         return self.slack if self.repeats else 1
 
 
 def variants(library: Library, rule: Rule, features: Features) -> Iterator[Variant]:
-    """All of a library; those of several tempos follow one another.
+    """All variants of a library; those of several tempos follow one another.
 
     Raises:
-        ConfigError: a movement is told by a direction that there is not.
+        ConfigError: a decisive direction of a movement does not exist.
     """
     for movement in library.movements.values():
         counted = _counted(movement, features)
@@ -168,7 +169,7 @@ def _of_performance(
 
 
 def weights_of(directions: Array32, rule: Rule) -> Array32:
-    """(L,) what limbs count in a movement (T, L, 3): the more, the further they leave their mean direction."""
+    """(L,) weights of the limbs in a movement (T, L, 3): they grow with the departure from the mean direction."""
     mean = directions.mean(axis=0)
     mean /= np.maximum(np.linalg.norm(mean, axis=-1, keepdims=True), 1e-6)
     chords = np.linalg.norm(directions - mean, axis=-1)
@@ -186,7 +187,7 @@ def angles_between(directions: Array32, weights: Array32) -> Array32:
 
 
 def _swung(directions: Array32, usual: Array32, size: float) -> Array32:
-    """Directions (T, L, 3) so many times as far from usual ones (L, 3), along great circles."""
+    """Directions (T, L, 3) moved away from usual ones (L, 3) by a factor, along great circles."""
     usual = usual / np.maximum(np.linalg.norm(usual, axis=-1, keepdims=True), 1e-6)
     along = np.sum(directions * usual, axis=-1, keepdims=True)
     across = directions - along * usual
@@ -207,29 +208,29 @@ class Piece(NamedTuple):
     """The first frame, and the one behind the last."""
 
     way: int
-    """How many frames of the variant it passes."""
+    """Number of the variant's frames that it passes."""
 
 
 class Fit(NamedTuple):
     """How well one movement explains all frames."""
 
     misfit: float = np.inf
-    """The angle over the largest that counts; infinite where the movement cannot explain them."""
+    """The angle over the largest that counts; infinite if the movement cannot explain the frames."""
 
     angle_deg: float = np.inf
     piece: Piece | None = None
-    """The longest of those that explain the frames; None where nothing does."""
+    """The longest stretch among those that explain the frames; None if nothing does."""
 
 
 @dataclass(frozen=True)
 class Packed:
-    """All variants behind each other; K of them, N frames."""
+    """All variants one after the other; K of them, N frames."""
 
     variants: tuple[Variant, ...]
     """(K,)."""
 
     first: Integers
-    """(K + 1,) where each variant begins."""
+    """(K + 1,) first frame of each variant."""
 
     repeats: Mask
     """(K,)."""
@@ -242,7 +243,7 @@ class Packed:
 
     @property
     def movements(self) -> tuple[str, ...]:
-        """All that are known."""
+        """Variants of all movements."""
         return tuple(dict.fromkeys(one.movement for one in self.variants))
 
     def gaps(self, course: Course) -> Array32:
@@ -257,12 +258,12 @@ class Packed:
         return over
 
     def pieces(self, gaps: Array32, evidence_s: float) -> list[Piece]:
-        """What explains (T, N) gaps best, in order of time; frames in no piece are better left unknown."""
+        """The best explanation of (T, N) gaps, in order of time; frames in no piece are better left unknown."""
         rules = self.first, self.repeats, self.slack
         return _path(gaps, rules, 1.0, evidence_s * RATE_HZ)[1]
 
     def fit(self, gaps: Array32, movement: str) -> Fit:
-        """How well one movement explains all frames of (T, N) gaps; not at all if they are too few or too many."""
+        """How well one movement explains all frames of (T, N) gaps; not at all if there are too few or too many."""
         cost, pieces = self._explained(gaps, [k for k, one in enumerate(self.variants) if one.movement == movement])
         if not pieces:
             return Fit()
@@ -281,10 +282,10 @@ class Packed:
         return known.fit(known.gaps(course), movement).angle_deg
 
     def _explained(self, gaps: Array32, chosen: Sequence[int]) -> tuple[float, list[Piece]]:
-        """The cost of (T, N) gaps where chosen variants have to explain every frame, and which do; none if none can."""
+        """The cost of (T, N) gaps if chosen variants must explain every frame, and pieces; none if they cannot."""
         columns = np.concatenate([np.arange(self.first[k], self.first[k + 1]) for k in chosen])
         first = frozen(np.cumsum([0, *(self.first[k + 1] - self.first[k] for k in chosen)]), np.int64)
-        # what repeats need not go on for long where nothing else is to explain the frames
+        # a repeating movement may be short if nothing else has to explain the frames
         slack = frozen(np.where(self.repeats, 0, self.slack)[chosen], np.int64)
         rules = first, frozen(self.repeats[chosen], np.bool_), slack
         cost, pieces = _path(np.ascontiguousarray(gaps[:, columns]), rules, np.inf, 0.0)
@@ -307,10 +308,10 @@ def _path(
 
 
 def packed(library: Library, rule: Rule, features: Features) -> Packed:
-    """Puts a library's performances behind each other, with their variants.
+    """Joins a library's performances, with their variants.
 
     Raises:
-        ConfigError: it is of another body than that with these features, or a movement is told by what they lack.
+        ConfigError: it is of another body than the features, or a movement's decisive direction is missing.
     """
     _check_body(library, features)
     found = tuple(variants(library, rule, features))

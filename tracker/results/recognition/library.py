@@ -1,7 +1,7 @@
 """A library of movements: a folder for each, with a table of every performance.
 
-`walk/movement.toml` says what the movement is, `walk/anna.csv` how somebody performs it: 25 rows a second with the
-directions of the limbs (see `recognition.limb_directions`). Nothing in it is code, a place or a likeness.
+`walk/movement.toml` describes the movement, `walk/anna.csv` one performance of it: 25 rows a second with the directions
+of the limbs (see `recognition.limb_directions`). It holds no code, no places and no likenesses.
 """
 
 from __future__ import annotations
@@ -22,34 +22,34 @@ from tracker.foundation.source_files import cells_of, number_in, rows_of, toml_o
 from tracker.results.recognition import FEATURES, LIMBS, RATE_HZ, Course
 
 LEAST_FRAMES = 8
-"""A third of a second: shorter performances fit almost anything."""
+"""Least length: a third of a second, because shorter performances fit almost anything."""
 
 MOST_FRAMES = 1500
-"""A minute: the time that matching takes grows with the library."""
+"""Largest length: a minute, because matching takes longer with a larger library."""
 
 _UNIT = 0.02
-"""Directions are unit vectors to the three digits that files have."""
+"""Tolerance of the lengths of directions: files have three digits."""
 
 
 class Description(pydantic.BaseModel):
-    """What `movement.toml` says."""
+    """Content of `movement.toml`."""
 
     model_config = pydantic.ConfigDict(extra="forbid", frozen=True)
 
     about: str = ""
     repeats: bool = False
-    """Whether it goes round, as walking does: it may then begin and end anywhere. A performance is one round."""
+    """Whether it is a cycle, as walking is: it may then begin and end anywhere. A performance is one cycle."""
 
     told_by: tuple[str, ...] = ()
-    """Directions that count, for instance those of the legs where the arms may do anything; empty for all."""
+    """Decisive directions, for instance those of the legs if the arms may do anything; empty for all."""
 
     source: str = ""
-    """Where the performances come from, and on what terms."""
+    """Source of the performances, and their licence."""
 
 
 @dataclass(frozen=True)
 class Movement:
-    """A movement that is known."""
+    """A known movement."""
 
     name: str
     description: Description
@@ -59,14 +59,14 @@ class Movement:
 
 @dataclass(frozen=True)
 class Library:
-    """Movements that are known, by name."""
+    """Known movements, by name."""
 
     movements: dict[str, Movement] = field(default_factory=dict)
     features: tuple[str, ...] = FEATURES
-    """What the directions are those of: a person's limbs, or the segments of another body."""
+    """Meaning of the directions: a person's limbs, or the segments of another body."""
 
     def without(self, performance: str) -> Library:
-        """The library without all performances of one name; movements that have no other are gone."""
+        """The library without all performances of a name; movements without any other are gone."""
         kept = {}
         for name, movement in self.movements.items():
             others = {key: value for key, value in movement.performances.items() if key != performance}
@@ -84,17 +84,19 @@ def load_library(folders: tuple[Path, ...]) -> Library:
     """Loads movements; performances of one movement in several folders add up.
 
     Args:
-        folders: of libraries, each counts once; empty for the one that comes with the package.
+        folders: of libraries, each counts once; empty for the bundled one.
 
     Raises:
-        ConfigError: a folder is none, two are of other bodies, or something is damaged; the file is named.
+        ConfigError: a folder is not a library, two are of other bodies, or a file is damaged; the message names it.
     """
     movements: dict[str, Movement] = {}
     chosen = list({folder.resolve(): folder for folder in folders or (bundled_library(),)}.values())
     features = features_in(chosen[0])
     for folder in chosen:
         if features_in(folder) != features:
-            raise ConfigError(f"{folder}: movements of another body than those in {chosen[0]}: expected one's alone")
+            raise ConfigError(
+                f"{folder}: movements of another body than those in {chosen[0]}: expected one body's alone"
+            )
         for movement in _movements_in(folder, features):
             known = movements.get(movement.name)
             if known is not None and known.description.repeats != movement.description.repeats:
@@ -116,7 +118,7 @@ def columns_of(features: tuple[str, ...]) -> list[str]:
 
 
 def features_in(folder: Path) -> tuple[str, ...]:
-    """What a library's directions are those of, by the head of its first table; a person's if that does not tell."""
+    """Meaning of a library's directions, by the head of its first table; a person's if that is unknown."""
     first = next(iter(sorted(folder.glob("*/*.csv"))), None)
     head = [] if first is None else next(iter(cells_of(first, ConfigError)), [])
     names = tuple(name.removesuffix("_x") for name in head if name.endswith("_x"))
@@ -147,7 +149,7 @@ def _movements_in(folder: Path, features: tuple[str, ...]) -> Iterator[Movement]
 
 
 def description_in(folder: Path) -> Description:
-    """What the `movement.toml` of a movement's folder says.
+    """Content of the `movement.toml` in a movement's folder.
 
     Raises:
         ConfigError: it is damaged.
@@ -168,7 +170,7 @@ def _directions(path: Path, features: tuple[str, ...]) -> Array32:
     """(T, L, 3) of a performance's table.
 
     Raises:
-        ConfigError: it is no such table.
+        ConfigError: it is not such a table.
     """
     rows, columns = rows_of(path, ConfigError), columns_of(features)
     unknown = next((name for name in rows[0] if name not in columns), None)
@@ -191,34 +193,34 @@ def _directions(path: Path, features: tuple[str, ...]) -> Array32:
 # Performances that are added to a library of movements; of one that repeats, the round that closes best.
 
 _LONGEST_ROUND_S, _SHORTEST_ROUND_S = 4.0, 0.4
-"""Of a movement that repeats: a slow squat, and a sprinter's two steps."""
+"""Longest cycle of a repeating movement, seconds: a slow squat, and a sprinter's two steps."""
 
 _CLOSED_DEG = 20.0
-"""Root mean square angle between the ends of a round beyond which it does not close: half of what lies between
-unlike postures of a walk (`benchmark.py recognition` prints both)."""
+"""Largest RMS angle between the ends of a cycle: half of the angle between unlike postures of a walk (`benchmark.py
+recognition` prints both)."""
 
 _NEARLY_DEG = 3.0
-"""Worse than at the best return at which a shorter round is taken: of a walk, one round and two differ by 1 to 2."""
+"""Excess over the best return for which a shorter cycle is taken: in a walk, one cycle and two differ by 1 to 2."""
 
 
 def add_performance(
     folder: Path, movement: str, performance: str, course: Course, description: Description
 ) -> tuple[Path, Course]:
-    """Adds a performance of a movement to a library; of one that repeats, the round that closes best.
+    """Adds a performance of a movement to a library; of a repeating one, the cycle that closes best.
 
     Args:
-        folder: of the library; made if there is none.
+        folder: of the library; created if missing.
         movement: its name.
-        performance: name of the performance; one of that name must not be there.
-        course: what was done, without unknown frames.
-        description: of the movement, where the library does not know it yet; else it must not differ in `repeats`.
+        performance: its name; it must be new.
+        course: the movement, without unknown frames.
+        description: of the movement, if the library lacks it; otherwise `repeats` must be the same.
 
     Returns:
-        The table written, and what stands in it.
+        The table written, and its content.
 
     Raises:
-        ConfigError: a name cannot be used, the library is of another body, or the performance is there already, too
-            short, too long or does not repeat.
+        ConfigError: a name cannot be used, the library is of another body, or the performance exists already, is too
+            short or too long, or does not repeat.
     """
     for name in (movement, performance):
         if fault := name_fault(name):
@@ -260,13 +262,13 @@ def _table(course: Course) -> str:
 
 
 def one_round(course: Course) -> Course:
-    """The part of a repeating movement after which it begins again.
+    """One cycle of a repeating movement.
 
-    The round's length is the shortest one at which poses return nearly as well as at the best; its beginning is where
-    they return best. What is exactly one round, so that its end leads to its beginning, stays as it is.
+    The length of the cycle is the shortest one at which poses return nearly as well as at the best; it begins where
+    they return best. An exact cycle, whose end leads to its beginning, stays as it is.
 
     Raises:
-        ConfigError: it does not come back to where it was.
+        ConfigError: it does not return to its beginning.
     """
     n_frames = len(course.known)
     lags = np.arange(round(_SHORTEST_ROUND_S * RATE_HZ), min(n_frames, round(_LONGEST_ROUND_S * RATE_HZ) + 1))
@@ -278,7 +280,7 @@ def one_round(course: Course) -> Course:
         if _angles(course.directions[:1], course.directions[-1:])[0] <= 2 * steps.max(initial=0.0):
             return course
         raise ConfigError(
-            f"it does not come back to where it began within {_LONGEST_ROUND_S:g} s: choose frames with two rounds, "
+            f"it does not return to its beginning within {_LONGEST_ROUND_S:g} s: choose frames with two cycles, "
             "or add it with --no-repeats"
         )
     chosen = next(k for k in low if means[k] <= means.min() + _NEARLY_DEG)

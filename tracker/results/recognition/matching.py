@@ -1,8 +1,8 @@
-"""Which known movements a recording shows, from when to when: dynamic time warping in one pass.
+"""Finds known movements in a recording, with begin and end: dynamic time warping in one pass.
 
 Gavrila & Davis, Towards 3-D model-based tracking and recognition of human movement (1995): joint angles, matched by
 dynamic time warping. Here all movements are matched at once, one after the other (Ney 1984), so that beginnings and
-ends are found too; what is like no known movement stays unknown.
+ends are found too; frames like no known movement stay unknown.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from tracker.results.recognition.library import Library
 
 @dataclass(frozen=True)
 class Recognized:
-    """A movement in a recording."""
+    """A known movement in a recording."""
 
     movement: str
     start_s: float
@@ -32,10 +32,10 @@ class Recognized:
     """Root mean square angle of the limbs to those of the known movement, averaged over its time."""
 
     misfit: float
-    """The angle over the largest that counts as this movement: 0 where it is the same, 1 where it is unknown."""
+    """The angle over the largest that counts as this movement: 0 means equal, 1 unknown."""
 
     second: str
-    """The movement that is next best; empty if no other one fits its length."""
+    """The next best movement; empty if no other one fits its length."""
 
     second_deg: float
     """The angle to that one over the same frames, degrees; infinite if none fits."""
@@ -44,28 +44,28 @@ class Recognized:
     """Whether it is the known performance with left and right exchanged."""
 
     performance: str
-    """The known performance it is nearest to."""
+    """The nearest known performance."""
 
     size: float
-    """How far apart its two most different poses are, times those of that performance; NaN of what does not move."""
+    """Angle between its two most different poses, times that of the performance; NaN without movement."""
 
     tempo: float
-    """How many times as fast as that performance; NaN of what does not move."""
+    """Speed, times that of the performance; NaN without movement."""
 
 
 def recognize(course: Course, library: Library, rule: Rule = Rule()) -> tuple[Recognized, ...]:  # noqa: B008
     """Finds known movements.
 
-    A stretch is found by how much of a movement's own extent is left, so that large and small movements have equal
-    chances against the unknown; its name is that of the movement of the smallest angle, of those that fit.
+    A stretch is found by its share of a movement's own extent, so that large and small movements have equal chances
+    against the unknown. Its name is that of the fitting movement with the smallest angle.
 
     Args:
-        course: how one person moved.
-        library: the movements that are known.
-        rule: when something counts.
+        course: the movement of one person.
+        library: the known movements.
+        rule: limits of recognition.
 
     Returns:
-        What was found, in order of time; repetitions of a repeating movement are one.
+        Known movements in order of time; repetitions of a repeating movement are one.
 
     Raises:
         ConfigError: the library is of another body.
@@ -87,7 +87,7 @@ def angles_deg(course: Course, library: Library, rule: Rule = Rule()) -> dict[st
 
 
 def _unbroken(course: Course) -> Iterator[Course]:
-    """The parts of a course whose frames are known."""
+    """The parts of a course with known frames."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], course.known.astype(np.int64), [0]])))
     for first, behind in zip(edges[::2], edges[1::2], strict=True):
         yield course.part(int(first), int(behind))
@@ -105,12 +105,12 @@ def _in_part(course: Course, known: Packed, rule: Rule) -> Iterator[Recognized]:
 
 
 def _named(course: Course, known: Packed, own: str, fits: dict[str, Fit]) -> Recognized | None:
-    """The movement of the smallest angle that fits, and the next best of all; None where nobody moves as far as that.
+    """The fitting movement of the smallest angle, and the next best of all; None if none moves as far as the person.
 
     Args:
         course: a stretch.
-        known: the movements that are known.
-        own: the one that the stretch was found by.
+        known: the known movements.
+        own: the movement that found the stretch.
         fits: how well every movement explains all of it.
     """
     shown = {name: (fit, fit.piece, known.variants[fit.piece.k]) for name, fit in fits.items() if fit.piece is not None}
@@ -119,7 +119,7 @@ def _named(course: Course, known: Packed, own: str, fits: dict[str, Fit]) -> Rec
     order = sorted(lasting, key=lambda name: lasting[name][0].angle_deg)
     fitting = [name for name in order if lasting[name][0].misfit < 1] or [own]
     least, _, loose = lasting[fitting[0]]
-    # a movement that is told by more says more, where it is as like by what both are told by
+    # a movement with more decisive directions says more, if it is as near by the common ones
     fuller = [
         name
         for name in fitting
@@ -150,14 +150,14 @@ def _named(course: Course, known: Packed, own: str, fits: dict[str, Fit]) -> Rec
 
 
 def _size(course: Course, variant: Variant) -> float:
-    """How far apart the most different poses are, times those of a known performance; NaN of one that does not move."""
+    """Angle between the most different poses, times that of a known performance; NaN without movement."""
     if variant.reach_deg == 0:
         return np.nan
     return float(angles_between(course.directions[:, variant.counted], variant.weights).max()) / variant.reach_deg
 
 
 def _joined(found: list[Recognized], library: Library) -> Iterator[Recognized]:
-    """Repetitions that follow one another at once as one, where the movement repeats."""
+    """Joins repetitions that follow one another at once, if the movement repeats."""
     last: Recognized | None = None
     for one in found:
         if last is not None and _goes_on(last, one) and library.movements[one.movement].description.repeats:
@@ -175,9 +175,9 @@ def _goes_on(last: Recognized, one: Recognized) -> bool:
 
 
 def _together(last: Recognized, one: Recognized) -> Recognized:
-    """Two repetitions as one: angles averaged over time, names those of the longer one.
+    """Two repetitions as one: angles averaged over time, names of the longer one.
 
-    The next best movement's angle is the longer one's, too, where it was not the same movement in both.
+    The next best movement's angle is the longer one's, too, if the movements differ.
     """
     durations = np.array([last.end_s - last.start_s, one.end_s - one.start_s]) + 1 / RATE_HZ
 
@@ -198,7 +198,7 @@ def _together(last: Recognized, one: Recognized) -> Recognized:
 
 
 UNKNOWN, LOST = "unknown", "lost"
-"""What is told where no known movement fits, and where the person was not found."""
+"""Names of stretches where no known movement fits, and where the person is lost."""
 
 _LEAST_S = 0.2
 """Shorter stretches between two movements are their seam, seconds."""
@@ -229,16 +229,16 @@ class Stretch:
     start_s: float
     end_s: float
     recognized: Recognized | None = None
-    """None where nothing was."""
+    """None if no movement is known."""
 
     @property
     def seconds(self) -> float:
-        """How long it is."""
+        """Duration, seconds."""
         return self.end_s - self.start_s
 
 
 def timeline(course: Course, found: Sequence[Recognized]) -> tuple[Stretch, ...]:
-    """The whole recording: movements, and between them what is unknown, and where the person is lost."""
+    """The whole recording: movements, and between them stretches where the movement is unknown or the person lost."""
     times, known = course.times_s, course.known
     free = np.ones(len(known), dtype=np.bool_)
     for one in found:
@@ -253,7 +253,7 @@ def timeline(course: Course, found: Sequence[Recognized]) -> tuple[Stretch, ...]
 
 
 def table_rows(persons: Mapping[str, Sequence[Stretch]]) -> Iterator[Sequence[str]]:
-    """The rows of `movements.csv`, its head first; values of what was not recognized are empty."""
+    """The rows of `movements.csv`, its head first; values of unknown stretches are empty."""
     yield _HEAD
     for person, stretches in persons.items():
         for one in stretches:
@@ -274,7 +274,7 @@ def strip(title: str, persons: Mapping[str, Sequence[Stretch]]) -> Figure:
 
     Args:
         title: of the picture.
-        persons: name -> what was recognized.
+        persons: name -> known movements.
     """
     figure = Figure(figsize=(11.0, 1.6 + 0.75 * len(persons)), layout="constrained")
     axes = figure.subplots()
@@ -286,7 +286,7 @@ def strip(title: str, persons: Mapping[str, Sequence[Stretch]]) -> Figure:
             axes.add_patch(_box(one, row, span, colours))
             if one.recognized is not None:
                 label = f"{one.what.replace('_', ' ')}\n{one.recognized.angle_deg:.0f}°"
-                # what is too narrow for its name has it upright
+                # a stretch too narrow for its name has it upright
                 upright = span < 0.012 * len(one.what) * _length(persons)
                 axes.text(
                     one.start_s + span / 2,
@@ -301,12 +301,12 @@ def strip(title: str, persons: Mapping[str, Sequence[Stretch]]) -> Figure:
     axes.autoscale_view()
     axes.set_ylim(len(persons) - 0.5, -0.5)
     axes.set_xlabel("time, s")
-    axes.set_title(f"{title}: movements, and how far the limbs are from the known ones (grey: unknown)", fontsize=10)
+    axes.set_title(f"{title}: movements, and the angle of the limbs to the known ones (grey: unknown)", fontsize=10)
     return figure
 
 
 def _box(one: Stretch, row: int, span: float, colours: Mapping[str, Any]) -> Rectangle:
-    """What is drawn of a stretch in a line."""
+    """Drawing of a stretch in a line."""
     colour = colours[one.what] if one.recognized is not None else "white" if one.what == LOST else "0.88"
     hatch = "///" if one.what == LOST else None
     return Rectangle((one.start_s, row - 0.36), span, 0.72, facecolor=colour, edgecolor="0.4", hatch=hatch)

@@ -1,4 +1,4 @@
-"""Recording: what a run leaves on disk, written while it runs."""
+"""Recording: files of a run, written while it runs."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from tracker.foundation.errors import ConfigError, nearest
 from tracker.tracking.trajectory import Step
 
 DEFAULTS = ("csv_table", "report", "overlay", "plots", "run_json", "journal")
-"""What a run leaves if its configuration says nothing else, in the order in which it is told."""
+"""Default recordings of a run, in the order in which they are listed."""
 
 
 @dataclass(frozen=True)
 class RunContext:
-    """What a recording needs to know of the run it records."""
+    """Facts about a run that recordings need."""
 
     name: str
     folder: Path
@@ -32,17 +32,17 @@ class RunContext:
     """Frames per second of the recording, before any stride."""
 
     interval_s: float
-    """Usual time from one frame of the run to the next, seconds, the stride included; each frame has its own time."""
+    """Usual time from one frame of the run to the next, seconds, including the stride; each frame has its own time."""
 
     n_frames: int
-    """Frames the run will have if nothing stops it."""
+    """Number of frames of a complete run."""
 
     resumed: frozenset[int] = frozenset()
     """Frames taken over from an interrupted run."""
 
     details: Mapping[str, Any] = field(default_factory=dict)
-    """The run's description as saved in run.json: resolved config, versions, input hashes. What looks wrong in the
-    input, `findings`, and what keypoints changed, `keypoints`, are complete when recorders finish, not before."""
+    """The run's description as saved in run.json: resolved config, versions, input hashes. The warnings about the
+    input, `findings`, and the effect of keypoints, `keypoints`, are complete when recorders finish, not before."""
 
 
 @runtime_checkable
@@ -50,14 +50,14 @@ class Recorder(Protocol):
     """An open recording; the only state of a recording component."""
 
     def write(self, step: Step) -> None:
-        """Adds one frame; what was written stays valid if the run is killed."""
+        """Adds one frame; frames in the file stay valid if the run is killed."""
         ...
 
     def finish(self) -> tuple[Path, ...]:
         """Closes the files; called after the last frame, after Ctrl-C and after an error.
 
         Returns:
-            The files that this recorder has left in the result folder, most telling first.
+            Its files in the result folder, the most important first.
         """
         ...
 
@@ -72,7 +72,7 @@ class Recording(Protocol):
 
 
 def chosen_recordings(entry: Any, where: str, folder: Path) -> tuple[Recording, ...]:
-    """The recordings that a configuration asks for.
+    """The recordings of a configuration.
 
     A table changes the defaults: `overlay = false` leaves one out, `c3d = true` adds one, and a table of fields adds
     one or changes its settings. A list replaces the defaults: names, or tables with `use` and fields.
@@ -83,7 +83,7 @@ def chosen_recordings(entry: Any, where: str, folder: Path) -> tuple[Recording, 
         folder: where relative paths start.
 
     Raises:
-        ConfigError: an entry is none of these, there is no recording of that name, or one is asked for twice.
+        ConfigError: an entry is none of these, no recording has the name, or one is named twice.
     """
     if isinstance(entry, list):
         tables = [{"use": one} if isinstance(one, str) else one for one in entry]
@@ -97,14 +97,15 @@ def chosen_recordings(entry: Any, where: str, folder: Path) -> tuple[Recording, 
             raise ConfigError(f'{where}: {table!r} found, expected a name or a table like {{ use = "overlay" }}')
         recordings.append(build("recording", table, where, folder))
         if any(type(recordings[-1]) is type(other) for other in recordings[:-1]):
-            raise ConfigError(f'{where}: "{table["use"]}" is asked for twice: both would write the same files')
+            raise ConfigError(f'{where}: "{table["use"]}" is named twice: both would write the same files')
     return tuple(recordings)
 
 
 def described_recordings(recordings: Sequence[Recording]) -> Any:
-    """What `chosen_recordings` makes the same recordings of.
+    """The value for which `chosen_recordings` makes the same recordings.
 
-    These are the changes to the defaults, so that single ones can be overridden; a list where their order is another.
+    It consists of the changes to the defaults, so that single ones can be overridden; it is a list if their order
+    differs.
     """
     listed = [describe(recording) for recording in recordings]
     changes: dict[str, Any] = dict.fromkeys(DEFAULTS, False)

@@ -1,8 +1,8 @@
 """Joint angles as the International Society of Biomechanics defines them.
 
-Wu et al., J. Biomechanics 35, 2002 (hip, ankle, spine) and 38, 2005 (shoulder, elbow); knee after Grood and Suntay,
-J. Biomech. Eng. 105, 1983. Segment axes are x forwards, y up, z to the right in the model's reference pose,
-upright with the limbs straight down, which is where all angles are zero.
+Wu et al., J. Biomechanics 35, 2002 (hip, ankle, spine) and 38, 2005 (shoulder, elbow); knee after Grood and Suntay, J.
+Biomech. Eng. 105, 1983. Segment axes are x forwards, y up, z to the right in the model's reference pose, upright with
+the limbs straight down, where all angles are zero.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from tracker.tracking.estimate import Estimate
 from tracker.tracking.trajectory import Step
 
 _MIRRORED = np.diag([1.0, 1.0, -1.0])
-"""Left limbs are reflected onto the right side, as the standard asks for."""
+"""Left limbs are reflected onto the right side, as the standard says."""
 
 _NO_PLANE_DEG = 5.0
-"""Elevation of an upper arm from straight down, or up, below which the plane of its elevation says nothing."""
+"""Elevation of an upper arm from straight down, or up, below which the plane of elevation is undefined."""
 
 _NOTHING = 1e-9
-"""Rad, of an angle that stays zero whatever the pose."""
+"""Largest value, rad, of an angle that is zero in all poses."""
 
 _STEP = 1e-6
-"""By which parameters are changed to see how angles change, rad and m."""
+"""Change of parameters, rad and m, for the derivatives of the angles."""
 
 _UPRIGHT = np.cos(np.radians(20.0))
-"""Limbs of a reference pose hang down if they are nearer to the vertical than this."""
+"""Limbs of a reference pose hang down if their angle to the vertical is smaller."""
 
 
 @dataclass(frozen=True)
@@ -50,13 +50,13 @@ class AnatomicalJoint:
     """For instance `left_knee`."""
 
     proximal: int
-    """Segment that is at rest for it."""
+    """Proximal segment."""
 
     distal: int
-    """Segment that moves."""
+    """Distal segment."""
 
     angles: tuple[str, ...]
-    """Their names, for instance `flexion`."""
+    """Names of the angles, for instance `flexion`."""
 
     measured: Callable[[Array], Array]
     """Rotations (T, 3, 3) of the distal in the proximal segment, in the standard's axes -> angles, rad, a row each."""
@@ -65,7 +65,7 @@ class AnatomicalJoint:
     """Whether it is on the left."""
 
     columns: tuple[int, ...]
-    """Which of the measured angles are those named."""
+    """Numbers of these angles among the measured ones."""
 
     def of(self, turns: Array) -> Array:
         """Angles (T, A), rad, of rotations (T, S, 3, 3) of all segments in the world."""
@@ -75,7 +75,7 @@ class AnatomicalJoint:
         return measured[:, list(self.columns)]
 
     def changing_in(self, turns: Array) -> AnatomicalJoint:
-        """The joint without those angles that are zero in all of some rotations (T, S, 3, 3)."""
+        """The joint without angles that are zero in all of some rotations (T, S, 3, 3)."""
         moves = ~(np.abs(self.of(turns)) < _NOTHING).all(axis=0)  # an angle that says nothing is none that stays zero
         angles, columns = (tuple(np.compress(moves, of).tolist()) for of in (self.angles, self.columns))
         return replace(self, angles=angles, columns=columns)
@@ -86,12 +86,11 @@ def angles_of(joints: Sequence[AnatomicalJoint], body: BodyModel, q: Array, cova
 
     Args:
         joints: of the body.
-        body: whose pose it is.
-        q: (dof,) rad and m.
-        covariance: (dof, dof) of it, which is carried on to the angles to first order.
+        body: owner of the pose. q: (dof,) rad and m.
+        covariance: (dof, dof) of it, carried on to the angles to first order.
 
     Returns:
-        (A,) and (A,) degrees; NaN where an angle says nothing, or where nothing is known of the pose.
+        (A,) and (A,) degrees; NaN if an angle is undefined, or the pose unknown.
     """
     poses = np.vstack([q, q + _STEP * np.eye(body.dof)])
     turns = body.world_from_parameters(poses)[:, [segment.end for segment in body.segments], :3, :3]
@@ -102,9 +101,9 @@ def angles_of(joints: Sequence[AnatomicalJoint], body: BodyModel, q: Array, cova
 
 
 def joints_of(body: BodyModel) -> list[AnatomicalJoint]:
-    """The joints that the standard has angles for, with those that the body can have.
+    """The joints with angles of the standard, as far as the body has them.
 
-    None for a body whose landmarks are no person's.
+    Empty for a body without a person's landmarks.
     """
     segments = {segment.name: k for k, segment in enumerate(body.segments)}
     holders = {mark.name: segments[mark.segment] for mark in body.landmarks if mark.segment in segments}
@@ -123,7 +122,7 @@ def joints_of(body: BodyModel) -> list[AnatomicalJoint]:
 def _all_turned(body: BodyModel) -> Array:
     """Rotations (2, S, 3, 3) of the segments in the world, every joint turned, by other angles, one way and the other.
 
-    What no parameter between two segments turns about is zero in both; limits may forbid one way.
+    Angles that no parameter between two segments turns are zero in both; limits may forbid one way.
     """
     turned = np.linspace(0.3, 0.6, body.dof)
     poses = np.stack([body.clamped(turned), body.clamped(-turned)])
@@ -131,7 +130,7 @@ def _all_turned(body: BodyModel) -> Array:
 
 
 def leaning_limb(body: BodyModel) -> str:
-    """A limb that does not hang down in the reference pose, so that its angles would not be the standard's; or none."""
+    """A limb that does not hang down in the reference pose: its angles would not be the standard's; or none."""
     places = {mark.name: mark.point for mark in body.landmarks}
     for side in ("left", "right"):
         for upper, lower in (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist")):
@@ -177,20 +176,20 @@ _JOINTS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Array], Array]]] =
 """Joint -> landmarks on its proximal and its distal segment, its angles, and how they are measured."""
 
 _SIDED = {"shoulder", "elbow", "hip", "knee", "ankle"}
-"""Those that there are two of."""
+"""Joints on both sides."""
 
 
 # Joint angles of the ISB over a run, left beside right: a figure, a table and a file for the report.
 
 _WIDE, _HIGH, _BELOW = 6.5, 1.1, 0.6
-"""Inches: a figure's width, a panel's height, and what is below and beside the panels for numbers."""
+"""Inches: a figure's width, a panel's height, and margins below and beside the panels for numbers."""
 
 _COLOURS = {"left": "#2a6f85", "right": "#b5533c", "": "#4a4f57"}
-"""Of the sides' curves."""
+"""Colours of the sides' curves."""
 
 
 class Sides(NamedTuple):
-    """A row of the table: what an angle does on the left and on the right, or in the middle alone."""
+    """A row of the table: range of an angle on the left and on the right, or in the middle alone."""
 
     angle: str
     left: str
@@ -199,7 +198,7 @@ class Sides(NamedTuple):
 
 @dataclass
 class IsbSeries:
-    """Angles of one person so far; empty of a body that the standard has no angles for."""
+    """Angles of one person so far; empty for a body without angles of the standard."""
 
     person: Person
     joints: list[AnatomicalJoint]
@@ -235,7 +234,7 @@ class IsbSeries:
         return "data:text/csv;base64," + base64.b64encode(csv_lines([*lines, *rows]).encode()).decode()
 
     def rows(self) -> list[Sides]:
-        """What each angle does, left beside right."""
+        """Ranges of each angle, left beside right."""
         told = dict(zip(self.names, (self._told(k) for k in range(len(self.names))), strict=True))
         found = []
         for angle, sides in self._paired():
@@ -253,7 +252,7 @@ class IsbSeries:
         return f"{low} to {high}" + (f" ± {np.median(sure):.1f}" if len(sure) else "")
 
     def _paired(self) -> list[tuple[str, dict[str, str]]]:
-        """Angle in words -> side -> name; the side of what there is one of is empty."""
+        """Angle in words -> side -> name; an unpaired joint has an empty side."""
         found: dict[str, dict[str, str]] = {}
         for name in self.names:
             side = next((one for one in ("left", "right") if name.startswith(f"{one}_")), "")

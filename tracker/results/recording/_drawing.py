@@ -17,14 +17,14 @@ from tracker.tracking.trajectory import Step
 # BGR.
 _WHITE, _GREY, _RED, _CYAN = (255, 255, 255), (150, 150, 150), (40, 40, 230), (230, 200, 60)
 _ORANGE, _BLUE = (40, 140, 255), (220, 120, 60)
-# Binary digits after the point in OpenCV's drawing; width of what lies between parts.
+# Binary digits after the point in OpenCV's drawing; width of lines between parts.
 _SUBPIXEL = 4
 _BETWEEN_PX = 4.0
 _LINE_PX = 30
 _SMALL = 0.5
-"""Of a picture's size: so small, its lines would be jagged."""
+"""Share of a picture's size: smaller lines would be jagged."""
 _LEAST_CLOSE = 0.1
-"""Share of a view that a close-up shows at the least: of somebody at its border there may be a single sample."""
+"""Least share of a view in a close-up: a person at its border may show a single sample."""
 
 
 def draw_step(step: Step, scene: Scene, width_px: int, stick_figure: bool = False, close: bool = False) -> Image:
@@ -60,7 +60,7 @@ def draw_step(step: Step, scene: Scene, width_px: int, stick_figure: bool = Fals
 
 
 def states_of(step: Step) -> list[str]:
-    """Frame and status in words; of several persons, a line each that says whose limbs are ambiguous."""
+    """Frame and status in words; for several persons, a line each with the ambiguous limbs."""
     frame = f"frame {step.frame.index}   {step.frame.time_s:.2f} s"
     states = []
     for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
@@ -71,7 +71,7 @@ def states_of(step: Step) -> list[str]:
 
 
 def tile(pictures: list[Image], width_px: int, names: tuple[str, ...] = ()) -> Image:
-    """Pictures side by side, named: in one row where they are upright, in two columns otherwise."""
+    """Pictures side by side, named: upright ones in one row, others in two columns."""
     names = names or ("",) * len(pictures)
     sizes = [(picture.shape[1], picture.shape[0]) for picture in pictures]
     columns, (cell_width, cell_height) = _n_columns(sizes), _cell_of(sizes, width_px)
@@ -90,7 +90,7 @@ def _n_columns(sizes: Sequence[tuple[int, int]]) -> int:
 
 
 def _cell_of(sizes: Sequence[tuple[int, int]], width_px: int) -> tuple[int, int]:
-    """Width and height that each of several pictures has in one of all, px."""
+    """Width and height of each of several pictures in one of all, px."""
     width = width_px // _n_columns(sizes)
     return width, max(round(h * width / w) for w, h in sizes)
 
@@ -105,7 +105,7 @@ def _fitted(picture: Image, width: int, height: int) -> Image:
 
 
 def _scaled(picture: Image, scale: float) -> Image:
-    """A copy; areas are averaged where it is small, which takes eight times as long as to interpolate."""
+    """A copy; a small picture is averaged over areas, which takes eight times as long as interpolation."""
     size = max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale))
     if size == (picture.shape[1], picture.shape[0]):
         return picture.copy()
@@ -142,7 +142,7 @@ def _close_up(picture: Image, contours: ViewContours) -> Image:
 
 
 def doubted_parts(step: Step) -> Mask:
-    """(P,) parts of the scene that may be elsewhere: limbs that are ambiguous, persons who are doubtful or lost."""
+    """(P,) doubtful parts of the scene: ambiguous limbs, doubtful or lost persons."""
     doubted = []
     for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
         own = np.full(len(person.body.parts), estimate.doubtful or estimate.lost)
@@ -154,7 +154,7 @@ def doubted_parts(step: Step) -> Mask:
 
 
 def _hidden_parts(step: Step, v: int) -> Mask:
-    """(P,) parts of the scene that something hides from a view."""
+    """(P,) parts of the scene that something hides in a view."""
     hidden = []
     for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
         known = estimate.account.hidden
@@ -174,12 +174,12 @@ def draw_contours(
     """Draws each sample as a short piece of its contour; edges between parts in grey (paper, section 5).
 
     Args:
-        picture: drawn into.
+        picture: to draw into.
         contours: of a view.
         colour: of the contours.
         doubted: (P,) parts drawn in orange.
         hidden: (P,) parts drawn in blue.
-        scale: of the picture, against the view that the contours are of.
+        scale: of the picture, against the contours' view.
     """
     nothing = np.zeros(len(contours.parts), dtype=np.bool_)
     unsure, unseen = (nothing if parts is None else parts[contours.parts] for parts in (doubted, hidden))
@@ -248,4 +248,4 @@ STATUS_COLOURS = {
 """Colours of the frames' states in plots and tables."""
 
 LIMB_COLOUR = "#f4c272"
-"""The same of frames in which a limb may be elsewhere, and nothing else is in doubt."""
+"""The same for frames in which a limb is ambiguous, and nothing else is in doubt."""

@@ -1,4 +1,4 @@
-"""One line of the journal: a step as text, and back to the same bits."""
+"""One line of the journal: a step as text, exact to the bit."""
 
 from __future__ import annotations
 
@@ -20,32 +20,33 @@ from tracker.tracking.trajectory import Replay, Step
 
 # Covariances in few bytes, so that they stay covariances: variances, and partial correlations as small numbers.
 #
-# Rounded correlations can make a matrix that is none of any variables; rounded partial correlations cannot: each may be
-# anything between -1 and 1 whatever the others are (Joe 2006; Lewandowski, Kurowicka & Joe 2009, section 2). Those of a
-# parameter and each one before it, given all that come before that one, are kept as Fisher's z, the inverse hyperbolic
-# tangent, in steps of 1/64.
+# Rounded correlations can make a matrix that is no correlation matrix. Rounded partial correlations cannot: each may be
+# anything between -1 and 1, whatever the others are (Joe 2006; Lewandowski, Kurowicka & Joe 2009, section 2). The
+# partial correlations of a parameter and each one before it, given all that come before that one, are kept as Fisher's
+# z, the inverse hyperbolic tangent, in steps of 1/64.
 
 _STEP = 1 / 64
-"""Of z. Measured with 22 and 36 parameters: standard deviations of 2000 random combinations stay right to 2 %, those of
-the worst combination there is to 16 %; steps of 1/128 halve that, and 36 parameters then take 2.1 KB a frame."""
+"""Steps of z. Measured with 22 and 36 parameters: standard deviations of 2000 random combinations stay right to 2 %,
+those of the worst possible combination to 16 %; steps of 1/128 halve that, and 36 parameters then take 2.1 KB a
+frame."""
 
 _MOST_STEPS = 320
-"""A partial correlation of 0.9999."""
+"""Largest z: a partial correlation of 0.9999."""
 
 _ROUNDS = 4
-"""After which correlations that change with each rounding are given up: one is enough for bodies; of 2000 matrices that
-were made to be nearly singular, 23 were given up."""
+"""Number of attempts after which correlations that change with each rounding are given up. One is enough for bodies; of
+2000 nearly singular matrices 23 were given up."""
 
 
 @dataclass(frozen=True)
 class KeptCovariance:
-    """A covariance matrix as it is kept; `covariance_of` it is kept as the same numbers again."""
+    """A covariance matrix as it is kept; keeping `covariance_of` it gives the same numbers again."""
 
     variances: Array
-    """(dof,) as bfloat16 holds them, to 0.2 %; NaN where not known."""
+    """(dof,) bfloat16 values, to 0.2 %; NaN where unknown."""
 
     steps: Integers
-    """(dof (dof - 1) / 2,) partial correlations of the lower triangle, row by row; none where not known."""
+    """(dof (dof - 1) / 2,) partial correlations of the lower triangle, row by row; empty if unknown."""
 
     def packed(self) -> tuple[bytes, bytes]:
         """Variances, 2 bytes each; the steps compressed: the low bytes of all, then all high bytes, mostly 0 or -1."""
@@ -68,7 +69,7 @@ def unpacked(variances: bytes, packed: bytes) -> KeptCovariance:
     """The numbers of `KeptCovariance.packed`.
 
     Raises:
-        SequenceError: they are no such numbers, or not as many as the variances ask for.
+        SequenceError: they are not such numbers, or their count does not match the variances.
     """
     known = _whole(np.frombuffer(variances, dtype="<u2"))
     n = len(known) * (len(known) - 1) // 2
@@ -87,7 +88,7 @@ def unpacked(variances: bytes, packed: bytes) -> KeptCovariance:
 
 
 def kept(covariance: Array) -> KeptCovariance:
-    """What is kept of a covariance matrix (dof, dof); NaN in it is something not known."""
+    """The kept form of a covariance matrix (dof, dof); NaN in it is unknown."""
     found = _rounded(covariance)
     for _ in range(_ROUNDS):
         again = _rounded(covariance_of(found))
@@ -98,14 +99,14 @@ def kept(covariance: Array) -> KeptCovariance:
 
 
 def covariance_of(found: KeptCovariance) -> Array:
-    """The covariance matrix (dof, dof) that was kept."""
+    """The covariance matrix (dof, dof) of the kept form."""
     n = len(found.variances)
     if not len(found.steps):
         covariance: Array = np.full((n, n), np.nan)
     else:
         partial = np.zeros((n, n))
         partial[np.tril_indices(n, -1)] = np.tanh(_STEP * found.steps)
-        # of a row of the Cholesky factor, what is left of its length 1 before each column
+        # the rest of the length 1 of a row of the Cholesky factor before each column
         left = np.sqrt(np.cumprod(np.column_stack([np.ones(n), 1 - partial[:, :-1] ** 2]), axis=1))
         factor = np.tril(partial * left, -1) + np.diag(np.diag(left))
         sigmas = np.sqrt(found.variances)
@@ -115,7 +116,7 @@ def covariance_of(found: KeptCovariance) -> Array:
 
 
 def _rounded(covariance: Array) -> KeptCovariance:
-    """The nearest numbers; parameters that are certain or not known are correlated with none."""
+    """The nearest numbers; parameters that are certain or unknown have no correlations."""
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         variances = _whole(_halves(np.diag(covariance)))
         scale = np.sqrt(np.where(np.diag(covariance) > 0, np.diag(covariance), 0.0))
@@ -132,7 +133,7 @@ def _rounded(covariance: Array) -> KeptCovariance:
 
 
 def _factored(correlations: Array) -> Array:
-    """Cholesky factor of a correlation matrix; of one that is none, by rounding errors, that of one beside it."""
+    """Cholesky factor of a correlation matrix; if rounding errors spoilt it, of one beside it."""
     shrunk = 0.0
     while shrunk < 1:
         try:
@@ -147,11 +148,11 @@ _LISTS = "per_view_px", "per_part_px", "visible_px", "explained_px", "missed_px"
 _MASKS = "not_shown", "hidden"
 
 _LARGEST = 2**20
-"""Bytes of an account: thousands of parts."""
+"""Largest number of bytes of an account: thousands of parts."""
 
 
 def as_kept(step: Step) -> Step:
-    """The step with covariances as the journal keeps them, so that a resumed run goes on from the same numbers."""
+    """The step with covariances as the journal keeps them, so that a resumed run goes on with the same numbers."""
     return replace(step, estimates=tuple(_as_kept(estimate) for estimate in step.estimates))
 
 
@@ -161,10 +162,10 @@ def line_of(step: Step) -> str:
 
 
 def replay_of(line: bytes) -> Replay:
-    """What a line tells.
+    """The step in a line.
 
     Raises:
-        SequenceError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError: no such line.
+        SequenceError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError: not such a line.
     """
     entry = json.loads(line)
     overlap, time_s = entry["overlap"], float(entry["time_s"])
@@ -198,7 +199,7 @@ def _line(step: Step) -> dict[str, Any]:
 
 
 def _poses(values: list[Any], estimates: list[Any]) -> tuple[Array, ...]:
-    """Poses beside those of as many estimates; none where there are none."""
+    """Poses of each of the estimates; empty if there are none."""
     poses = tuple(map(_unpacked, values))
     fit = [len(q) == len(_unpacked(one["q"])) for q, one in zip(poses, estimates, strict=False)]
     if poses and (len(poses) != len(estimates) or not all(fit) or not all(np.isfinite(q).all() for q in poses)):
@@ -266,7 +267,7 @@ def _estimate(values: dict[str, Any]) -> Estimate:
 
 
 def _untold(values: dict[str, Any]) -> tuple[Doubt, ...]:
-    """Doubts of a line that was written before reasons were kept."""
+    """Doubts of an old line, which has no reasons."""
     vague = {str(limb) for limb in values.get("vague", ())}
     whole = [Doubt("", Because.UNTOLD)] if values["doubtful"] or values["status"] == Status.LOST else []
     limbs = [str(limb) for limb in values["ambiguous"]]
@@ -274,7 +275,7 @@ def _untold(values: dict[str, Any]) -> tuple[Doubt, ...]:
 
 
 def _sigmas(text: str | None) -> Array | None:
-    """Those of joints; None for none.
+    """Standard deviations of joints; None if there are none.
 
     Raises:
         SequenceError: they cannot be standard deviations.
@@ -292,12 +293,12 @@ def _as_kept(estimate: Estimate) -> Estimate:
 
 
 def _places(mask: Mask | None) -> list[list[int]]:
-    """View and part of all that is true."""
+    """View and part of all entries that are true."""
     return [] if mask is None else np.argwhere(mask).tolist()
 
 
 def _mask(places: list[list[int]], shape: tuple[int, int]) -> Mask | None:
-    """A mask (V, P) that is true in some places; None for no place.
+    """A mask (V, P) that is true in some places; None without a place.
 
     Raises:
         SequenceError: a place is outside of it.
@@ -320,7 +321,7 @@ def _unpacked(text: str, kind: str = "<f8") -> Array:
 
 
 def _deflated(values: Array) -> str:
-    """Packed numbers, compressed: most of what is visible is explained, and most parts miss nothing."""
+    """Packed numbers, compressed: most visible contours are explained, and most parts miss nothing."""
     return b85encode(zlib.compress(np.asarray(values, dtype="<f8").tobytes(), 9)).decode()
 
 
@@ -328,7 +329,7 @@ def _inflated(text: str, n_views: int) -> list[Array]:
     """The lists of an account.
 
     Raises:
-        SequenceError: it is no such text, or longer than any account.
+        SequenceError: it is not such a text, or longer than any account.
     """
     inflating = zlib.decompressobj()
     try:

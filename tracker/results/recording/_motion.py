@@ -1,4 +1,4 @@
-"""What exports are made of: one person's poses over a run, segments in space, points on them."""
+"""Data of exports: one person's poses over a run, segments in space, points on them."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from tracker.tracking.estimate import Status
 from tracker.tracking.trajectory import Step
 
 _NOT_IN_A_NAME = re.compile(r"[\s\\*+/{}]")
-"""What OpenSim opens no model with, what a BVH reader takes for the end of a name, and the tab of a table."""
+"""Characters that OpenSim refuses, that end a name for a BVH reader, and the tab of a table."""
 
 
 def exported_name(name: str) -> str:
-    """The name with `_` in place of each such sign: of "left thigh" and "left shin" a BVH reader made two "left"."""
+    """The name with `_` for each such character: a BVH reader read "left thigh" and "left shin" as two "left"."""
     return _NOT_IN_A_NAME.sub("_", name)
 
 
@@ -38,17 +38,17 @@ Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 """From our world, z up, to that of programs with y up: x stays, (x, y, z) becomes (x, z, -y)."""
 
 _EVEN = 0.01
-"""Share of an interval that frames may be off even times, as those of 29.97 fps written with six digits are."""
+"""Share of an interval by which frames may deviate from even times, as at 29.97 fps written with six digits."""
 
 _GAP = 0.75
-"""Intervals from the nearest frame beyond which a pose is not interpolated: more than the half that jitter can make."""
+"""Distance in intervals from the nearest frame beyond which a pose is not interpolated: more than jitter's half."""
 
 log = logging.getLogger("tracker")
 
 # Three markers spread around a segment.
 _AROUND = np.radians([0.0, 120.0, 240.0])
 _ALONG = np.radians([30.0, 0.0, -30.0])
-"""Longitudes and latitudes of a segment's three surface points: around it and along it, so that they fix its turn."""
+"""Longitudes and latitudes of a segment's three surface points, around it and along it, which fix its turn."""
 
 
 @dataclass(frozen=True)
@@ -67,24 +67,23 @@ class Motion:
     """(T, dof) poses; those of lost frames are not to be used."""
 
     lost: Mask
-    """(T,) frames in which the person was lost."""
+    """(T,) frames in which the person is lost."""
 
     covariances: Array
     """(T, dof, dof) of the poses; NaN where unknown."""
 
     shares: Array
-    """(T, P) share of each part's visible contour that the images explain; NaN where it is hidden, 0 in doubt or if
-    it was filled in."""
+    """(T, P) explained share of each part's visible contour; NaN if it is hidden, 0 in doubt or if it was filled in."""
 
     frames: tuple[int, ...] = ()
-    """Numbers of the frames in the recording; none of a movement that was brought to even times."""
+    """Numbers of the frames in the recording; empty for a movement at even times."""
 
     joint_sigmas_m: Array | None = None
-    """(T, L) standard deviations of the landmarks that hold what is not known of the body, too; NaN where not told."""
+    """(T, L) standard deviations of the landmarks, including the body's; NaN where unknown."""
 
     @cached_property
     def doubted(self) -> Mask:
-        """(T,) frames that were found, or filled in, and of which nothing can be relied on."""
+        """(T,) found or filled-in frames in which nothing is reliable."""
         mask: Mask = ~self.lost & (np.nan_to_num(self.shares) == 0).all(axis=1)
         return mask
 
@@ -104,7 +103,7 @@ class Motion:
         return filled
 
     def told_filled(self, path: Path) -> None:
-        """Logs how many poses of a file are interpolated, for formats that cannot mark them."""
+        """Logs the number of interpolated poses of a file, for formats that cannot mark them."""
         if self.lost.any():
             log.warning(
                 "%s: %s is lost in %d of %d frames, whose poses are interpolated: the format cannot leave them out",
@@ -115,9 +114,9 @@ class Motion:
             )
 
     def even(self) -> Motion:
-        """The movement at even times, for formats that hold one frame rate; itself if its times are even already.
+        """The movement at even times, for formats with one frame rate; itself if its times are even.
 
-        Poses are interpolated where frames lie unevenly; a time that no frame is near counts as a lost frame.
+        Poses at uneven times are interpolated; a time far from all frames counts as lost.
         """
         n_frames = round((self.times_s[-1] - self.times_s[0]) / self.interval_s) + 1
         times = self.times_s[0] + self.interval_s * np.arange(n_frames)
@@ -210,7 +209,7 @@ class Motions:
         self._frames.append(step.frame.index)
 
     def all(self) -> list[Motion]:
-        """One a person; none without a frame."""
+        """One a person; empty without a frame."""
         if not self._steps:
             return []
         return [self._of(k, person) for k, person in enumerate(self._run.scene.persons)]
@@ -246,7 +245,7 @@ class MotionRecorder:
         self._motions.add(step)
 
     def finish(self) -> tuple[Path, ...]:
-        """Writes the files; those that cannot leave frames out not of who is lost in all of them."""
+        """Writes the files; formats that need every pose leave out persons that are lost in all frames."""
         files: list[Path] = []
         for motion in self._motions.all():
             if self._filled and motion.lost.all():
@@ -259,8 +258,8 @@ class MotionRecorder:
 def markers_of(body: BodyModel) -> tuple[Landmark, ...]:
     """The landmarks, and three points on the surface of each segment's largest part.
 
-    Joint centres alone leave a segment free to turn about the line between them: OpenSim's inverse kinematics turned a
-    neck by 52 degrees.
+    With joint centres alone a segment can turn about the line between them: OpenSim's inverse kinematics turned a neck
+    by 52 degrees.
     """
     surface = []
     for segment in body.segments:
@@ -279,7 +278,7 @@ def trc_text(title: str, names: Sequence[str], times_s: Array, interval_s: float
     """The content of a TRC file.
 
     Args:
-        title: what its first line calls it.
+        title: for its first line.
         names: of the markers.
         times_s: (T,) of the frames.
         interval_s: usual time from one frame to the next.

@@ -1,4 +1,4 @@
-"""A model of OpenSim that a user has: where it lies, and what its bodies, coordinates and markers are called."""
+"""A user's model of OpenSim: its file, and the names of its bodies, coordinates and markers."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ FILES = {
     "pose2sim": ("Model_Pose2Sim_simple.osim",),
     "rajagopal": ("Rajagopal2016.osim", "Rajagopal2015.osim"),
 }
-"""Word for a model of the field -> its file, the preferred one first."""
+"""Short name of a well-known model -> its file, the preferred one first."""
 
 
 @dataclasses.dataclass(frozen=True)
 class OsimName(RelativePath):
-    """Marks a model of OpenSim: a word of `FILES`, or a path."""
+    """Marks a model of OpenSim: a name in `FILES`, or a path."""
 
     def resolved(self, text: str, folder: Path) -> str:
         """The absolute path.
 
         Raises:
-            ConfigError: nothing is called so, or its file is in none of the places where programs leave it.
+            ConfigError: nothing has the name, or its file is in none of the usual folders.
         """
         if text not in FILES and Path(text).suffix:
             return super().resolved(text, folder)
@@ -51,7 +51,7 @@ class OsimName(RelativePath):
 
 
 def _places() -> Iterator[Path]:
-    """Folders of models: those that OpenSim's installer leaves with the user, and those in Pose2Sim's package."""
+    """Folders of models: of OpenSim's installer, and of Pose2Sim's package."""
     yield from sorted((Path.home() / "Documents" / "OpenSim").glob("*/Models/*"), reverse=True)
     package = importlib.util.find_spec("Pose2Sim")
     for place in (package and package.submodule_search_locations) or ():
@@ -60,7 +60,7 @@ def _places() -> Iterator[Path]:
 
 @dataclass(frozen=True)
 class OsimModel:
-    """What set-up files need to know of a model."""
+    """Names in a model that set-up files need."""
 
     path: Path
     root: Node
@@ -68,17 +68,17 @@ class OsimModel:
 
     bodies: frozenset[str]
     coordinates: tuple[str, ...]
-    """Of its joints, except those of the joint with the ground, which place it in the world."""
+    """Coordinates of its joints, except those of the joint with the ground, which place it in the world."""
 
     markers: frozenset[str]
-    """Markers that it has of its own."""
+    """Its own markers."""
 
 
 def read_osim(path: Path) -> OsimModel:
     """Reads names out of a model file, of any version of OpenSim.
 
     Raises:
-        ConfigError: the file cannot be read, or is none of a model.
+        ConfigError: the file cannot be read, or is not a model.
     """
     root = xml_of(path, ConfigError, "a model of OpenSim")
     model = root.find("Model")
@@ -94,10 +94,10 @@ def read_osim(path: Path) -> OsimModel:
 
 
 def write_turning(path: Path, model: OsimModel) -> None:
-    """Writes the model as it is, except that it may turn all round and go anywhere.
+    """Writes the model unchanged, except that it may turn all round and go anywhere.
 
-    Rajagopal's cannot turn beyond 90 degrees from x: of somebody who did, inverse kinematics bent the limbs instead,
-    and markers were 90 mm off.
+    Rajagopal's cannot turn beyond 90 degrees from x. When a person did, inverse kinematics bent the limbs instead, and
+    markers were 90 mm off.
     """
     root = copy.deepcopy(model.root)
     for coordinate in _placing(root):
@@ -124,10 +124,10 @@ def _hangs_on_ground(joint: Node) -> bool:
 # Markers that a model of OpenSim and a body of ours share: joint centres, feet and face, points on surfaces.
 
 _ORIGIN = (0.0, 0.0, 0.0)
-"""Of a body: the joint centre, and of the heel bone its hindmost point."""
+"""Our point on a body: the joint centre, and for the heel bone its hindmost point."""
 
 _TIP = (0.24, 0.0, 0.0)
-"""Of the bones of Rajagopal's foot, in the frame of its heel bone, metres; scaling compares the length of the foot."""
+"""Points of Rajagopal's foot, in the frame of its heel bone, metres; scaling compares the length of the foot."""
 
 _SIDED = (
     ("hip", "femur", ("Hip", "HJC"), _ORIGIN),
@@ -142,8 +142,8 @@ _SIDED = (
     ("eye", "head", ("Eye",), None),
     ("ear", "head", ("Ear",), None),
 )
-"""Point of ours, body of the model, how its name goes on after L or R (in Pose2Sim and OpenCap, in Rajagopal's model),
-and its place on that body where it is known."""
+"""Our point, body of the model, rest of its name after L or R (in Pose2Sim and OpenCap, in Rajagopal's model), and its
+known place on that body."""
 
 _MIDDLE = (
     ("pelvis", "pelvis", ("midHip", "Hip")),
@@ -151,13 +151,13 @@ _MIDDLE = (
     ("nose", "head", ("Nose",)),
     ("head_top", "head", ("Head",)),
 )
-"""The same of points that are there once; where they are on those bodies nobody tells."""
+"""The same for unpaired points; their places on those bodies are unknown."""
 
 _SURFACES = (
     *(("pelvis", "pelvis"), ("neck", "torso"), ("head_top", "head"), ("hip", "femur"), ("knee", "tibia")),
     *(("ankle", "calcn"), ("shoulder", "humerus"), ("elbow", "ulna"), ("wrist", "hand")),
 )
-"""Landmark -> body that the surface of its segment belongs to; the first one of a segment counts."""
+"""Landmark -> body with the surface of its segment; the first one of a segment counts."""
 
 
 Place = tuple[float, float, float]
@@ -169,19 +169,19 @@ class OsimMarker:
 
     name: str
     mark: Landmark
-    """On our body."""
+    """Segment of our body."""
 
     body: str
-    """Of the model of OpenSim."""
+    """Body of OpenSim's model."""
 
     place: Place | None
-    """On that body, metres; None where only our body tells it, as of all points on surfaces."""
+    """Place on that body, metres; None if only our body shows it, as for all points on surfaces."""
 
 
 def markers_on(body: BodyModel, model: OsimModel) -> tuple[OsimMarker, ...]:
     """The markers of a body of ours on a model.
 
-    Points whose body the model lacks, as that of the head, are left out.
+    Points without a body in the model, such as the head's, are left out.
 
     Raises:
         ModelError: fewer than the hips and the knees are left.
@@ -203,7 +203,7 @@ def markers_on(body: BodyModel, model: OsimModel) -> tuple[OsimMarker, ...]:
 
 
 def _rows() -> Iterator[tuple[str, str, tuple[str, ...], Place | None]]:
-    """Point of ours, body, names by which markers there go, the usual one first, place on the body."""
+    """Our point, body, names of its marker, the usual one first, place on the body."""
     for own, on, names in _MIDDLE:
         yield own, on, names, None
     for own, on, names, place in _SIDED:
@@ -213,7 +213,7 @@ def _rows() -> Iterator[tuple[str, str, tuple[str, ...], Place | None]]:
 
 
 def _called(names: tuple[str, ...], model: OsimModel) -> str:
-    """The name that the model has itself, else the usual one."""
+    """The name in the model, else the usual one."""
     return next((name for name in names if name in model.markers), names[0])
 
 

@@ -1,6 +1,6 @@
-"""Runs OpenSim's scaling and inverse kinematics as a program of its own, with its own log, folder and crashes.
+"""Runs OpenSim's scaling and inverse kinematics as a separate program, with its own log, folder and crashes.
 
-Its arguments are the set-up files of both. Where there is no movement in the end, OpenSim's log says why.
+Its arguments are the set-up files of both. If there is no movement in the end, OpenSim's log says why.
 """
 
 from __future__ import annotations

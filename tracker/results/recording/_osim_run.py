@@ -1,4 +1,4 @@
-"""Scaling and inverse kinematics by OpenSim: set-up files, the run, and how near its outcome comes to ours."""
+"""Scaling and inverse kinematics by OpenSim: set-up files, the run, and the distance of its outcome from ours."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ log = logging.getLogger("tracker")
 _PROGRAM = Path(__file__).with_name("_osim_process.py")
 
 _LONGEST_S = 3600.0
-"""After which OpenSim is not waited for: it takes about 5 ms a frame."""
+"""Longest wait for OpenSim, seconds: it takes about 5 ms a frame."""
 
 _FLEXIONS = {"hip": "hip_flexion", "knee": "knee_angle", "elbow": "elbow_flex"}
-"""Joint of ours -> coordinate of Rajagopal's models and those made of it, before `_l` or `_r`; bent is positive."""
+"""Our joint -> coordinate of Rajagopal's models and their descendants, before `_l` or `_r`; bent is positive."""
 
 
 def opensim_installed() -> bool:
-    """Whether the Python package of OpenSim is there."""
+    """Whether the Python package of OpenSim is installed."""
     return importlib.util.find_spec("opensim") is not None
 
 
@@ -40,7 +40,7 @@ def run_opensim(folder: Path, name: str) -> str:
     """Runs scaling and inverse kinematics of the set-up files in a folder.
 
     Returns:
-        Why there is no outcome, as OpenSim tells it; empty where there is.
+        Why there is no outcome, in OpenSim's words; empty if there is one.
     """
     command = [sys.executable, "-P", str(_PROGRAM), f"{name}_scale.xml", f"{name}_ik.xml"]
     try:
@@ -54,12 +54,12 @@ def run_opensim(folder: Path, name: str) -> str:
 
 
 def write_outcome(path: Path, motion: Motion, moved: Path, errors: Path) -> None:
-    """Writes how far OpenSim's markers are from ours, and its flexions from ours, as JSON.
+    """Writes the distances of OpenSim's markers and flexions from ours, as JSON.
 
     Args:
         path: to write.
-        motion: ours.
-        moved: the movement that inverse kinematics found.
+        motion: our movement.
+        moved: the movement of inverse kinematics.
         errors: of its markers.
     """
     times_s, table = _columns(moved)
@@ -101,7 +101,7 @@ def _columns(path: Path) -> tuple[Array, dict[str, Array]]:
     """Times and columns of a table that OpenSim wrote.
 
     Raises:
-        ConfigError: it is none.
+        ConfigError: it is not a table.
     """
     _, found, table = text_of(path, ConfigError).partition("endheader\n")
     names, *rows = (line.split("\t") for line in table.splitlines()) if found else ([],)
@@ -122,21 +122,21 @@ _LIMBS = (
     ("upper_arm", ("shoulder", "elbow"), ("humerus",)),
     ("forearm", ("elbow", "wrist"), ("ulna", "radius", "hand")),
 )
-"""Measurement -> the points whose distance tells it, and the bodies of the model that it scales; of either side."""
+"""Measurement -> the points whose distance it is, and the bodies that it scales; on either side."""
 
 _PELVIS, _CHEST = ("pelvis", "sacrum"), ("torso", "head", "scapulaPhantom_l", "scapulaPhantom_r")
-"""Bodies that are as wide as the hips, and as the shoulders."""
+"""Bodies as wide as the hips, and as the shoulders."""
 
 _SPINE = ("lumbar5", "lumbar4", "lumbar3", "lumbar2", "lumbar1", "Abdomen")
-"""Those between; like pelvis and chest they are as long and deep as it is from hips to shoulders."""
+"""Bodies between; like pelvis and chest they are as long and deep as it is from hips to shoulders."""
 
 _CENTRE_WEIGHT, _HELD_WEIGHT = 1000.0, 1.0
-"""Of joint centres, a m^2, and of coordinates, a rad^2, where the model is placed: a centre 3 mm off weighs as much as
-six degrees, so that only what centres leave open, the turn of a straight limb about itself, is held at zero."""
+"""Weights of joint centres, a m^2, and of coordinates, a rad^2, where the model is placed: a centre 3 mm off weighs as
+much as six degrees, so that only a turn that centres leave open, of a straight limb about itself, is held at zero."""
 
 
 def write_markers(path: Path, markers: Sequence[OsimMarker]) -> None:
-    """Writes the markers with their bodies; scaling moves all of them to where they are on our body."""
+    """Writes the markers with their bodies; scaling moves them all to their places on our body."""
     root = Node("OpenSimDocument", {"Version": "40000"})
     objects = child(child(root, "MarkerSet", name="markers"), "objects")
     for marker in markers:
@@ -153,9 +153,9 @@ def write_scaling(path: Path, model: OsimModel, markers: Sequence[OsimMarker], m
     Args:
         path: `NAME_scale.xml`; `NAME_unscaled.osim`, `NAME_markers.xml` and `NAME_static.trc` lie beside it, and
             `NAME.osim` is made.
-        model: what its bodies and coordinates are called.
-        markers: of both.
-        mass_kg: of the person; None leaves masses as the lengths make them.
+        model: names of its bodies and coordinates.
+        markers: of both models.
+        mass_kg: of the person; None lets masses follow the lengths.
     """
     name = path.stem.removesuffix("_scale")
     root = Node("OpenSimDocument", {"Version": "40000"})

@@ -1,4 +1,4 @@
-"""What the report's player needs: the bodies, their movements, the cameras and a video, as text for the page."""
+"""Data of the report's player: the bodies, their movements, the cameras and a video, as text for the page."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from tracker.tracking.estimate import Estimate
 from tracker.tracking.trajectory import Step
 
 FPS = 25
-"""Of the video: one of its frames is one of the player's, whatever their real times are."""
+"""Frame rate of the video: one of its frames is one of the player's, at any real time."""
 
 _QUALITY = 32
 """Constant rate factor: contours stay sharp at 640 px."""
 
 _FRAME_BYTES = 700
-"""Most that a frame takes on average over two seconds: 1000 frames are 0.9 MB of text in the page."""
+"""Largest mean size of a frame over two seconds: 1000 frames are 0.9 MB of text in the page."""
 
 _BETWEEN_KEYS = 12
-"""Frames from one key frame to the next: what jumping to a frame decodes at the most."""
+"""Frames between two key frames: jumping to a frame decodes at most these."""
 
 # BGR, and binary digits after the point in OpenCV's drawing.
 _WHITE, _ORANGE, _SUBPIXEL = (255, 255, 255), (40, 140, 255), 3
@@ -75,7 +75,7 @@ class Preview:
         self._container.mux(self._stream.encode(frame))
 
     def drawn(self, step: Step) -> Image:
-        """All views side by side: what was doubted is orange, a missing image is grey."""
+        """All views side by side: doubtful parts are orange, a missing image is grey."""
         width, height = self.size
         picture = np.zeros((height, width, 3), dtype=np.uint8)
         doubted = doubted_parts(step)
@@ -101,7 +101,7 @@ class Preview:
 
 
 def windows_of(sizes: list[tuple[int, int]], width_px: int) -> tuple[Array, tuple[int, int]]:
-    """Where each view lies in a picture of all: upright ones in a row, others in two columns.
+    """Place of each view in a picture of all: upright ones in a row, others in two columns.
 
     Args:
         sizes: width and height of the views, px.
@@ -135,17 +135,17 @@ def _draw(picture: Image, contours: ViewContours, scale: float, unsure: Mask) ->
 
 
 _SHEET, _WIDEST = 17, 4.0
-"""Points along each side of the picture of a bent view; 76 degrees from the axis, beyond which no picture is drawn."""
+"""Points along each side of the picture of a bent view; angle from the axis beyond which no picture is drawn."""
 
 _N_ETA, _N_OMEGA = 9, 12
 """Latitudes and longitudes of a part's mesh: 100 kB a body."""
 
 _SURE, _UNSURE, _LOST = 0, 1, 2
-"""What is known of a part in a frame, as player.js colours it."""
+"""State of a part in a frame, as player.js colours it."""
 
 
 class Player:
-    """The frames so far; of runs that are longer than `most_frames` every second, third, ..."""
+    """The frames so far; beyond `most_frames` every second, third, ... frame."""
 
     def __init__(self, run: RunContext, most_frames: int) -> None:
         self._run, self._every = run, max(1, -(-run.n_frames // most_frames))
@@ -190,7 +190,7 @@ class Player:
         }
 
     def _person(self, k: int, motion: Motion) -> dict[str, Any]:
-        """Mesh, placements of the segments and what is known of the parts of a person."""
+        """Mesh, placements of the segments and states of the parts of a person."""
         surface = surface_of(motion.body, _N_ETA, _N_OMEGA)
         joints = np.array([segment.joint for segment in motion.body.segments])
         placed = motion.segments(motion.filled)
@@ -210,7 +210,7 @@ class Player:
 
 
 def _known(person: Person, estimate: Estimate) -> NDArray[np.uint8]:
-    """(P,) what is known of each part."""
+    """(P,) state of each part."""
     state = _LOST if estimate.lost else _UNSURE if estimate.doubtful else _SURE
     known = np.full(len(person.body.parts), state, dtype=np.uint8)
     for group in () if estimate.lost else estimate.ambiguous:
@@ -219,14 +219,14 @@ def _known(person: Person, estimate: Estimate) -> NDArray[np.uint8]:
 
 
 def _why(step: Step) -> str:
-    """What is in doubt in a frame, with names where there are several persons."""
+    """The doubts in a frame, with names if there are several persons."""
     pairs = zip(step.scene.persons, step.estimates, strict=True)
     told = {person.name: why for person, one in pairs if (why := in_words(one.reasons))}
     return " - ".join(told.values() if len(step.estimates) == 1 else (f"{name}: {why}" for name, why in told.items()))
 
 
 def _camera(camera: Camera, window: Array) -> dict[str, Any]:
-    """Where a camera stands, its image as a sheet at a metre, bent as its lens is, and where that lies in the video."""
+    """Position of a camera, its image as a sheet at a metre, bent as its lens is, and its place in the video."""
     width, height = camera.size
     n = _SHEET if camera.distortion.any() else 2
     columns, rows = np.meshgrid(np.linspace(-0.5, width - 0.5, n), np.linspace(-0.5, height - 0.5, n))

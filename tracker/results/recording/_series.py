@@ -23,21 +23,21 @@ from tracker.tracking.estimate import Status
 from tracker.tracking.trajectory import Step
 
 AMBIGUOUS = "limb ambiguous"
-"""The state of a frame in which a limb may be elsewhere and nothing worse is told."""
+"""State of a frame in which a limb is ambiguous and nothing worse is the case."""
 
 _GRAVE = Status.DOUBTFUL, Status.LOST
 
 
 @dataclass(frozen=True)
 class Bad:
-    """A frame to look at."""
+    """A frame to check."""
 
     frame: int
     time_s: float
     person: str
     status: str
     why: str
-    """The reasons; empty where nothing is in doubt."""
+    """The reasons; empty without a doubt."""
 
     explained: float
     distance_px: float
@@ -45,20 +45,20 @@ class Bad:
 
 @dataclass(frozen=True)
 class Stretch:
-    """Frames in which the same is told of a person."""
+    """Consecutive frames with the same state of a person."""
 
     share: float
-    """Of the run's time."""
+    """Times of the run."""
 
     state: str
-    """A status, or `AMBIGUOUS` where nothing worse is told than that a limb may be elsewhere."""
+    """A status, or `AMBIGUOUS` if only a limb is ambiguous."""
 
     first: int
     last: int
     """Numbers of the first and the last frame."""
 
     why: str
-    """The reasons, of all its frames together; empty where nothing is in doubt."""
+    """The reasons of all its frames; empty without a doubt."""
 
 
 @dataclass
@@ -76,10 +76,10 @@ class Series:
     ambiguous: list[list[tuple[str, ...]]] = field(default_factory=list)
     reasons: list[list[tuple[Doubt, ...]]] = field(default_factory=list)
     why: Counter[tuple[str, Because]] = field(default_factory=Counter)
-    """What is in doubt and why -> frames."""
+    """Doubtful limb or person, and reason -> frames."""
 
     n_in_doubt: int = 0
-    """Frames in which anything is."""
+    """Frames with any doubt."""
 
     hidden: dict[str, Counter[str]] = field(default_factory=lambda: defaultdict(Counter))
     """View -> limb -> frames in which something hid it there."""
@@ -92,7 +92,7 @@ class Series:
     """Person -> frame and confidence of the first start."""
 
     strangers: int = 0
-    """Frames in which somebody who is none of the persons was beside them."""
+    """Frames in which another person was beside the tracked ones."""
 
     def add(self, step: Step) -> None:
         """Takes the numbers of one frame."""
@@ -161,7 +161,7 @@ class Series:
             yield Stretch(float(shares[own].sum()), state, self.frames[own[0]], self.frames[own[-1]], why)
 
     def worst(self, n_most: int = 12) -> list[Bad]:
-        """Frames to look at, the worst first: lost, doubtful, with ambiguous limbs, then least explained."""
+        """Frames to check, the worst first: lost, doubtful, with ambiguous limbs, then least explained."""
         judged = [
             [Judged(status, len(limbs), share) for status, limbs, share in zip(*row, strict=True)]
             for row in zip(self.statuses, self.ambiguous, self.explained, strict=True)
@@ -173,7 +173,7 @@ class Series:
         return Bad(*told, in_words(self.reasons[t][k]), self.explained[t][k], self.distances[t][k])
 
     def summary(self) -> dict[str, Any]:
-        """Headline numbers of the run so far; means are over the poses that were found, None without one."""
+        """Headline numbers of the run so far; means are over the poses found, None without one."""
         if not self.frames:
             return {"frames": 0}
         stages = Counter[str]()
@@ -212,20 +212,20 @@ _MARKERS = {"abduction": "x", "elevation": "o", "twist": "+", "extension": "*"}
 _LINES = {"x": ":", "y": "-.", "z": "-"}
 
 _LEAST_DEG, _LEAST_M = 30.0, 0.2
-"""Least range that a panel of parameters shows."""
+"""Least range of a panel of parameters."""
 
 _WIDE, _BELOW = 9.0, 0.5
-"""Inches: a figure's width, and what is below and above the panels for numbers and a title."""
+"""Inches: a figure's width, and margins below and above the panels for numbers and a title."""
 
 _SIGN, _MOST_SIGNS = 0.075, 16
-"""Inches that a sign of a name in a legend takes, and how many of them there is room for."""
+"""Inches of a letter of a name in a legend, and largest number of letters."""
 
 _USUAL_PX = 10.0
-"""Range of the distances that is shown even if all are smaller: those of two runs compare at a glance."""
+"""Least range of the distances shown: two runs compare at a glance."""
 
 
 def panels(body: BodyModel) -> list[tuple[str, list[int]]]:
-    """Parameters for each panel: those of one limb, named by what their names share."""
+    """Parameters for each panel: those of one limb, named by their common words."""
     grouped: dict[str, list[int]] = {}
     for k, name in enumerate(body.names):
         grouped.setdefault(name.rpartition("_")[0] or body.name, []).append(k)
@@ -234,7 +234,7 @@ def panels(body: BodyModel) -> list[tuple[str, list[int]]]:
 
 
 def parameter_figure(series: Series, person: int) -> Figure:
-    """Pose parameters against time, a panel a limb, in the signs of the paper's figure 8."""
+    """Pose parameters against time, a panel a limb, with the paper's signs of figure 8."""
     who: Person = series.scene.persons[person]
     shown, chosen = series.shown(person), panels(who.body)
     figure, axes = _stacked(2.3, len(chosen))
@@ -262,12 +262,12 @@ def parameter_figure(series: Series, person: int) -> Figure:
 def _stacked(panel_inches: float, n_panels: int, names: Iterable[str] = ()) -> tuple[Figure, list[Axes]]:
     """A figure of panels one above the other, with room for labels and, at the right, for a second axis and legends.
 
-    Margins are fixed: to find them by drawing everything twice took a third of a figure's time.
+    Margins are fixed: finding them by drawing everything twice took a third of a figure's time.
 
     Args:
         panel_inches: height of each.
         n_panels: their number.
-        names: in the legends, for which a figure is wider where they are long.
+        names: in the legends; long names widen the figure.
     """
     height, longest = panel_inches * n_panels, max(map(len, names), default=0)
     width = _WIDE + _SIGN * max(0, longest - _MOST_SIGNS)
@@ -279,7 +279,7 @@ def _stacked(panel_inches: float, n_panels: int, names: Iterable[str] = ()) -> t
 
 
 def _at_least(axis: Axes, extent: float) -> None:
-    """Widens the range of an axis, so that jitter of somebody who stands still does not look like movement."""
+    """Widens the range of an axis, so that jitter of a standing person does not look like movement."""
     low, high = axis.get_ylim()
     if high - low < extent:
         axis.set_ylim((low + high - extent) / 2, (low + high + extent) / 2)
@@ -302,7 +302,7 @@ def _shade_doubts(axis: Axes, series: Series, person: int) -> None:
 
 
 def _label_time(axes: Iterable[Axes], series: Series) -> None:
-    """Seconds below, and above them the frame numbers that the tables count in."""
+    """Seconds below, and above them the frame numbers of the tables."""
     panels_in_order = list(axes)
     panels_in_order[-1].set_xlabel("time, s")
     places = np.unique(np.linspace(0, len(series.frames) - 1, min(len(series.frames), 9)).round().astype(int))
@@ -312,7 +312,7 @@ def _label_time(axes: Iterable[Axes], series: Series) -> None:
 
 
 def distance_figure(series: Series) -> Figure:
-    """The distance that poses are ranked by, explained share and silhouette overlap against time."""
+    """The distance that ranks poses, explained share and silhouette overlap against time."""
     overlaps = np.array(series.overlaps)
     n_panels = 3 if np.isfinite(overlaps).any() else 2
     names = [*(person.name for person in series.scene.persons), *series.scene.rig.names]

@@ -23,15 +23,15 @@ _ORDER: Final = "ZXY"
 """Order of the rotation channels: R = Rz Rx Ry, the usual one; the sides of X = 90 degrees lie far from any spine."""
 
 _WORLD = "world"
-"""The segment that never moves, and that no other is called."""
+"""Name of the segment that never moves; no other segment has it."""
 
 
 @component
 class Bvh:
     """`NAME.bvh` for each person: the segments as joints, centimetres, y up; lost frames are interpolated.
 
-    The rest pose is the model's reference pose. Only the root moves in space, and what can slide along its parent.
-    Where several segments hang on the world, as beside a pedestal, the root is the world, which stays.
+    The rest pose is the model's reference pose. Only the root, and segments that slide along their parent, move in
+    space. If several segments hang on the world, as beside a pedestal, the root is the world, which stays.
     """
 
     def begin(self, run: RunContext) -> MotionRecorder:
@@ -50,15 +50,15 @@ class Bvh:
 
 
 def _on_one_root(motion: Motion) -> Motion:
-    """The movement with a segment for the world that all others hang on, if more than one hangs on the world.
+    """The movement with a segment for the world, if more than one segment hangs on it.
 
-    The format allows several ROOTs and Blender reads them; three.js, bvhio and others take a file of one only.
+    The format allows several ROOTs and Blender reads them; three.js, bvhio and others accept only one.
     """
     body = motion.body
     if sum(segment.parent < 0 for segment in body.segments) < 2:
         return motion
     world = Segment(_WORLD, -1, frozen(np.zeros(3)), (), -1)
-    # the body's own such segment, of what is fixed to the room, is its last one
+    # a body fixed to the room has such a segment itself, its last one
     hung = (replace(one, parent=one.parent + 1) for one in body.segments if one.name != _WORLD)
     return replace(motion, body=replace(body, segments=(world, *hung)))
 
@@ -118,7 +118,7 @@ def _tip(body: BodyModel, k: int) -> Array:
 
 
 def _columns(motion: Motion) -> Iterator[Array]:
-    """Position (T, 3) in cm of what moves in space, and rotation (T, 3) in degrees, of each segment in order."""
+    """For each segment in order: rotation (T, 3) in degrees, before it position (T, 3) in cm if it moves in space."""
     local = motion.local(motion.filled)
     for k, _ in _in_order(motion.body):
         if motion.body.segments[k].parent < 0 or motion.slides(k):

@@ -19,19 +19,20 @@ from tracker.results.recording._motion import Y_UP, Motion, MotionRecorder, mark
 # By the format.
 _BLOCK_BYTES = 512
 _ROTATION_FLOATS = 17
-"""Of a ROTATION signal in a frame: a 4x4 matrix column by column, and its reliability."""
+"""Numbers of a ROTATION signal in a frame: a 4x4 matrix column by column, and its reliability."""
 
 _POINT_BYTES = 16
-"""Of a point in a frame: x, y, z and residual."""
+"""Numbers of a point in a frame: x, y, z and residual."""
 
 _LAST_BLOCK = 2**15 - 1
-"""In which a ROTATION signal may begin, as a parameter of two bytes with a sign says."""
+"""Last block in which a ROTATION signal may begin: a parameter of two bytes with a sign."""
 
 _MOST_DESCRIPTIONS = 255
-"""Of a list of texts, in one byte. ezc3d goes on in LABELS2, but of more descriptions it made files that none reads."""
+"""Most texts of a list: its number is one byte. ezc3d goes on in LABELS2, but with more descriptions it wrote files
+that no program reads."""
 
 _MOST_PARAMETER_BLOCKS = 256
-"""Before the points: their number is one byte."""
+"""Most blocks before the points: their number is one byte."""
 
 log = logging.getLogger("tracker")
 
@@ -41,14 +42,14 @@ class C3d:
     """`NAME.c3d` for each person: points as in TRC, millimetres, and a ROTATION signal `SEGMENT_4X4` of each segment.
 
     The residual of a point is its standard deviation in space, rounded up to whole mm; -1 in lost frames. The
-    reliability of a rotation, its 17th value (C-Motion's convention), is the share of the segment's visible contour
-    that the images explain; 0 where it is hidden, or the pose or the limb is in doubt, -1 where the person is lost.
-    The format holds 65535 frames, and rotations only behind points of up to 16 MB, 15 000 to 25 000 frames; where
-    there are more, they are left out, and the log says so.
+    reliability of a rotation, its 17th value (C-Motion's convention), is the explained share of the segment's visible
+    contour. It is 0 if the segment is hidden, or the pose or the limb in doubt, and -1 if the person is lost. The
+    format holds 65535 frames, and rotations only behind points of up to 16 MB, 15 000 to 25 000 frames; in longer runs
+    the rotations are left out, and the log says so.
     """
 
     y_up: bool = False
-    """Turn the axes for programs whose y points up: x, z, -y. The file says which axis is up either way."""
+    """Turn the axes for programs whose y points up: x, z, -y. The file says which axis is up in either case."""
 
     def begin(self, run: RunContext) -> MotionRecorder:
         """Collects the poses; the files are written at the end.
@@ -108,7 +109,7 @@ def _add_rotations(file: Any, motion: Motion, y_up: bool) -> None:
 def _rotations(motion: Motion, turn: Array) -> Array:
     """(4, 4, S, T) placements of the segments, millimetres; NaN where the person is lost."""
     placed = motion.segments(motion.q)
-    # The world is turned alone: a segment's own axes stay those of the reference pose.
+    # Only the world is turned: a segment's own axes stay those of the reference pose.
     placed[..., :3, :3] = turn @ placed[..., :3, :3]
     placed[..., :3, 3] = 1000 * placed[..., :3, 3] @ turn.T
     placed[motion.lost] = np.nan
@@ -137,15 +138,15 @@ def _mean_share(body: BodyModel, shares: Array, segment: str) -> Array:
 
 
 def _block_of_rotations(n_frames: int, n_markers: int, points_block: int = _MOST_PARAMETER_BLOCKS + 2) -> int:
-    """The block, counted from 1, that ezc3d begins the rotations in: the second one after the last full one of points.
+    """The block, counted from 1, in which ezc3d begins the rotations: the second one after the last full one of points.
 
-    Without the block of the points it is the latest that it can be.
+    Without the block of the points it is the latest possible one.
     """
     return points_block + n_frames * n_markers * _POINT_BYTES // _BLOCK_BYTES + 1
 
 
 def _write_reliabilities(path: Path, reliabilities: Array, n_markers: int) -> None:
-    """Puts the 17th values into a written file: ezc3d's Python interface leaves them 0."""
+    """Puts the 17th values into a written file, because ezc3d's Python interface leaves them 0."""
     content = bytearray(path.read_bytes())
     points_block = int.from_bytes(content[16:18], "little")  # the ninth word of the header
     start = _block_of_rotations(len(reliabilities), n_markers, points_block)

@@ -26,9 +26,9 @@ _POSE_COLUMNS = ("frame", "time_s", "person", "status", "ambiguous", "distance_p
 
 @component
 class CsvTable:
-    """`poses.csv`, `sigmas.csv` and `joints.csv`, in lost frames with empty values; `doubts.csv`, a row a reason.
+    """`poses.csv`, `sigmas.csv` and `joints.csv`, with empty values in lost frames; `doubts.csv`, a row a reason.
 
-    `limbs.csv` has a row a limb: how probable it is that its joints are within 150 mm, see
+    `limbs.csv` has a row a limb: the probability that its joints are within 150 mm, see
     `tracker.tracking.limb_probabilities`.
     """
 
@@ -102,7 +102,7 @@ class CsvRecorder:
 
 
 def joint_statuses(person: Person, estimate: Estimate) -> list[str]:
-    """What is known of each landmark: the frame's verdict, `ambiguous` on a limb that may be elsewhere."""
+    """State of each landmark: the frame's verdict, `ambiguous` on an ambiguous limb."""
     statuses = np.full(len(person.body.landmarks), str(estimate.verdict), dtype=object)
     if estimate.verdict in (Status.TRACKED, Status.BOOTSTRAPPED, Status.RECOVERED):
         for group in estimate.ambiguous:

@@ -23,7 +23,7 @@ _TYPES = {"<f4": 5126, "|u1": 5121, "<u4": 5125}
 """Component types of the format, by numpy's."""
 
 _VERTICES, _INDICES = 34962, 34963
-"""What a graphics card is to take a buffer view for."""
+"""Purpose of a buffer view for a graphics card."""
 
 _Z_UP_TO_Y_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 """Quaternion x y z w of a quarter turn about x: the format's y points up."""
@@ -33,7 +33,7 @@ _Z_UP_TO_Y_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 class Glb:
     """`NAME.glb` for each person: its skin, or the parts' surfaces, on a skeleton of the segments, animated; m, y up.
 
-    Frames keep their times; poses of lost frames are interpolated; they, and doubtful ones, are listed under `extras`
+    Frames keep their times. Poses of lost frames are interpolated; lost and doubtful frames are listed under `extras`
     of the animation.
     """
 
@@ -79,7 +79,7 @@ class Glb:
 
 
 def _mesh(surface: Skinned, buffer: _Buffer) -> dict[str, Any]:
-    """The surface in the pose that it is given in; each vertex hangs on up to four segments."""
+    """The surface in its rest pose; each vertex hangs on up to four segments."""
     attributes = {
         "POSITION": buffer.add(surface.points, "VEC3", _VERTICES, bounded=True),
         "NORMAL": buffer.add(surface.normals, "VEC3", _VERTICES),
@@ -91,7 +91,7 @@ def _mesh(surface: Skinned, buffer: _Buffer) -> dict[str, Any]:
 
 
 class _Buffer:
-    """The binary part of the file, and what lies where in it."""
+    """The binary part of the file, and the index of its arrays."""
 
     def __init__(self) -> None:
         self.content = bytearray()
@@ -113,13 +113,13 @@ class _Buffer:
         return len(self._accessors) - 1
 
     def described(self) -> dict[str, Any]:
-        """The entries of the document that tell what the buffer holds."""
+        """The entries of the document that describe the buffer."""
         buffers = [{"byteLength": len(self.content)}]
         return {"accessors": self._accessors, "bufferViews": self._views, "buffers": buffers}
 
 
 def _inverse_binds(surface: Skinned, buffer: _Buffer) -> int:
-    """Matrices, column by column, from the pose that the surface is given in into each segment's frame."""
+    """Matrices, column by column, from the surface's rest pose into each segment's frame."""
     return buffer.add(surface.segment_from_given.transpose(0, 2, 1).reshape(-1, 16), "MAT4")
 
 

@@ -20,22 +20,22 @@ __all__ = ["Expected", "Journal", "OpenJournal", "as_kept", "line_of", "open_jou
 
 FILE = "steps.jsonl"
 _LONGEST = 2**20
-"""Bytes of a line: a hundred persons."""
+"""Largest number of bytes of a line: a hundred persons."""
 
 
 @component
 class Journal:
-    """`steps.jsonl`: all that a run goes on from, exact to the last bit; 2 KB a frame and person.
+    """`steps.jsonl`: all data that a resumed run needs, exact to the last bit; 2 KB a frame and person.
 
     Arrays are little-endian float64 in base 85, as Python's `base64.b85decode` reads them; `variances` are bfloat16,
     `correlations` are partial ones in small steps, compressed (zlib): see `tracker.results.recording._journal_line`.
-    `account` is compressed, too: distances of the views, then four numbers a part, as `measures.account.Account` has
-    them; `not_shown` and `hidden` list view and part. `as_tracked` are the poses that tracking goes on from, where
-    those of the estimates were brought to another moment.
+    `account` is compressed, too: distances of the views, then four numbers a part, as in `measures.account.Account`;
+    `not_shown` and `hidden` list view and part. `as_tracked` has the poses from which tracking goes on, if the
+    estimates were brought to another moment.
     """
 
     def begin(self, run: RunContext) -> JournalRecorder:
-        """Opens the journal; the lines of an interrupted run stay, what follows the last good one is cut off."""
+        """Opens the journal; the lines of an interrupted run stay, except damaged ones at the end."""
         path = run.folder / FILE
         if run.resumed:
             with path.open("r+b") as file:
@@ -51,7 +51,7 @@ class JournalRecorder:
         self._present, self._file = present, GrowingFile(path, append=bool(present))
 
     def write(self, step: Step) -> None:
-        """Adds one line for a frame that is not in it yet; a provisional one is left to the resumed run."""
+        """Adds one line for a new frame; a provisional frame is left to the resumed run."""
         if step.frame.index not in self._present and not step.provisional:
             self._file.add(line_of(step))
 
@@ -62,17 +62,17 @@ class JournalRecorder:
 
 @dataclass(frozen=True)
 class OpenJournal(Mapping[int, Replay]):
-    """The frames of a run; each is read when it is asked for, so that memory does not grow with them."""
+    """The frames of a run; each is read on demand, so memory does not grow with them."""
 
     path: Path
     n_bytes: int
     """Length of the good lines."""
 
     fault: str
-    """What follows them and why it cannot be used; empty if nothing does."""
+    """Why the rest cannot be used; empty without a rest."""
 
     _begins: dict[int, int] = field(default_factory=dict)
-    """Frame -> where its line begins."""
+    """Frame -> begin of its line."""
 
     def __getitem__(self, frame: int) -> Replay:
         """One frame."""
@@ -91,7 +91,7 @@ class OpenJournal(Mapping[int, Replay]):
 
 @dataclass(frozen=True)
 class Expected:
-    """What a run's journal must hold."""
+    """Expected content of a run's journal."""
 
     dofs: tuple[int, ...]
     """Parameters of each person."""
@@ -108,17 +108,17 @@ class Expected:
 
     @staticmethod
     def of(scene: Scene, start: int | None = None, stride: int = 1) -> Expected:
-        """What a run of a scene writes."""
+        """Content that a run of a scene writes."""
         bodies = [person.body for person in scene.persons]
         dofs, n_parts = tuple(body.dof for body in bodies), tuple(len(body.parts) for body in bodies)
         n_joints = tuple(len(body.landmarks) for body in bodies)
         return Expected(dofs, n_parts, n_joints, len(scene.rig), start, stride)
 
     def fault(self, replay: Replay, before: int | None) -> str:
-        """Why a line cannot be one of this run's; empty if it can.
+        """Why a line cannot be of this run; empty if it can.
 
         Args:
-            replay: what the line tells.
+            replay: content of the line.
             before: frame of the line before it.
         """
         after = self.start if before is None else before + self.stride
@@ -138,18 +138,18 @@ class Expected:
 
 
 def open_journal(folder: Path, expected: Expected | None = None, name: str = FILE) -> OpenJournal:
-    """The journal of an interrupted run, every line looked at.
+    """The journal of an interrupted run, with every line checked.
 
     Args:
         folder: result folder.
-        expected: what its lines must hold; None for anything.
+        expected: content; None for any.
         name: of the file.
 
     Returns:
         The frames up to the first line that is torn, damaged or of another run.
 
     Raises:
-        SequenceError: no journal there, or not even its first line can be used.
+        SequenceError: there is no journal, or not even its first line can be used.
     """
     path = folder / name
     if not path.is_file():
@@ -177,7 +177,7 @@ def open_journal(folder: Path, expected: Expected | None = None, name: str = FIL
 
 
 def _lines(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
-    """Lines with where they begin; one that is too long is cut."""
+    """Lines with their begins; a line that is too long is cut."""
     begin = 0
     while line := file.readline(_LONGEST):
         yield begin, line
@@ -185,7 +185,7 @@ def _lines(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
 
 
 def _checked(line: bytes, expected: Expected | None, before: int | None) -> tuple[Replay | None, str]:
-    """What a line tells, or why it cannot be used."""
+    """Content of a line, or why it cannot be used."""
     if not line.endswith(b"\n"):
         return None, "it is torn"
     try:

@@ -14,7 +14,7 @@ from tracker.results.recording._motion import Motion, MotionRecorder, exported_n
 
 @component
 class Mot:
-    """`NAME.mot` for each person: every pose parameter in degrees or metres, called as in the model.
+    """`NAME.mot` for each person: every pose parameter in degrees or metres, with its name in the model.
 
     It moves the model of `NAME.osim`, whose coordinates are these parameters. Lost frames are interpolated.
     """

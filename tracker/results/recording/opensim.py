@@ -1,4 +1,4 @@
-"""A model of OpenSim's, such as Rajagopal's, moved as the person moved: markers, set-up files and, and the run."""
+"""A model of OpenSim's, such as Rajagopal's, moved as the person moved: markers, set-up files, and the run."""
 
 from __future__ import annotations
 
@@ -33,49 +33,51 @@ from tracker.tracking.trajectory import Step
 log = logging.getLogger("tracker")
 
 _MODELS_APART_M = 0.01
-"""What two models of one person, whose joints are built otherwise, are apart besides our sigma: 8 to 13 mm on two
-recordings. Without it a marker known to a millimetre would outweigh all others, and no model can follow it so near."""
+"""Distance between the joints of two models of one person besides our sigma, metres: 8 to 13 mm on two recordings.
+Without it a marker known to a millimetre would outweigh all others, and no model can follow it so closely."""
 
 
 @component
 class Opensim:
-    """`NAME_MODEL*` for each person: what OpenSim needs to move a model of its own as the person moved.
+    """`NAME_MODEL*` for each person: files with which OpenSim moves its model as the person moved.
 
     `.trc` and `_static.trc` hold the markers in the movement and in the reference pose, `_markers.xml` their bodies;
-    `_scale.xml` sets up scaling of the model, `_unscaled.osim`, and `_ik.xml` inverse kinematics. Where the Python
-    package `opensim` is installed, both are run: `.osim` is the scaled model, `.mot` its movement, `.json` how well it
-    fits. y is up.
+    `_scale.xml` sets up scaling of the model, `_unscaled.osim`, and `_ik.xml` inverse kinematics. If the Python package
+    `opensim` is installed, both are run: `.osim` is the scaled model, `.mot` its movement, `.json` how well it fits. y
+    is up.
     """
 
     model: Annotated[Path, pydantic.Field(strict=False), OsimName()] = pydantic.Field(
         examples=['"rajagopal", or a path to an .osim file']
     )
-    """The model to move, which is yours: `rajagopal`, `laiuhlrich`, `pose2sim`, looked for where OpenSim and Pose2Sim
-    leave them, or a path that ends in .osim."""
+    """The model to move, from your own installation: `rajagopal`, `laiuhlrich` or `pose2sim` in the usual folders of
+    OpenSim and Pose2Sim, or a path that ends in .osim."""
 
     mass_kg: Mass | dict[str, Mass] | None = None
-    """Of the person, or of each person by name; None for what `persons` tell."""
+    """Mass of the person, or of each person by name, kg; None for the masses in `persons`."""
 
     def begin(self, run: RunContext) -> OpensimRecorder:
         """Collects the poses; the files are written at the end.
 
         Raises:
-            ConfigError: the model cannot be read, or a mass is told of nobody.
+            ConfigError: the model cannot be read, or a mass has no person.
             ModelError: a body has no legs, or does not hang down in its reference pose.
         """
         return OpensimRecorder(run, read_osim(self.model), _masses(self.mass_kg, run))
 
 
 def _masses(told: float | Mapping[str, float] | None, run: RunContext) -> dict[str, float]:
-    """Person -> mass, kg, of those whose mass is known."""
+    """Person -> mass, kg, if it is known."""
     names = [person.name for person in run.scene.persons]
     if isinstance(told, Mapping):
         if unknown := next((name for name in told if name not in names), None):
-            raise ConfigError(f'mass_kg: nobody is called "{unknown}"; {nearest(unknown, names)}')
+            raise ConfigError(f'mass_kg: no person is called "{unknown}"; {nearest(unknown, names)}')
         return dict(told)
     if told is not None:
         if len(names) > 1:
-            raise ConfigError(f"mass_kg = {told:g}: of whom? expected one a person, as {{ {names[0]} = {told:g} }}")
+            raise ConfigError(
+                f"mass_kg = {told:g}: for which person? expected one mass a person, as {{ {names[0]} = {told:g} }}"
+            )
         return {names[0]: told}
     persons = run.details.get("config", {}).get("persons", ())
     return {one["name"]: float(one["mass_kg"]) for one in persons if "mass_kg" in one}
@@ -99,7 +101,7 @@ class OpensimRecorder:
         self._motions.add(step)
 
     def finish(self) -> tuple[Path, ...]:
-        """Writes the set-up files, and runs OpenSim where it is installed."""
+        """Writes the set-up files, and runs OpenSim if it is installed."""
         files: list[Path] = []
         for motion, markers in zip(self._motions.all(), self._markers, strict=False):
             if motion.lost.all():
@@ -140,11 +142,11 @@ class OpensimRecorder:
 
 _SET_UP = (".trc", "_static.trc", "_unscaled.osim", "_markers.xml", "_scale.xml", "_ik.xml")
 _OUTCOME = (".osim", ".mot", "_ik_marker_errors.sto", ".json")
-"""Endings of what we write, and of what OpenSim makes of it."""
+"""Endings of our files, and of OpenSim's."""
 
 
 def _weights(motion: Motion, markers: Sequence[OsimMarker]) -> dict[str, float]:
-    """Marker -> weight in inverse kinematics: the inverse variance of where it is, 1 for one that is known exactly."""
+    """Marker -> weight in inverse kinematics: the inverse variance of its position, 1 for an exact one."""
     sigmas = motion.sigmas([marker.mark for marker in markers])[~motion.lost]
     usual_m = np.median(np.nan_to_num(sigmas, nan=0.0), axis=0)
     weights = _MODELS_APART_M**2 / (_MODELS_APART_M**2 + usual_m**2)

@@ -1,4 +1,4 @@
-"""Poses sent while the run goes on, as add-ons of Unity, Blender, Unreal and Godot read them: VMC protocol over OSC.
+"""Sends poses during the run, in the form that add-ons of Unity, Blender, Unreal and Godot read: VMC protocol over OSC.
 
 VMC protocol: https://protocol.vmc.info/english. OSC 1.0: https://opensoundcontrol.stanford.edu/spec-1_0.html.
 """
@@ -40,22 +40,23 @@ _BONES = {
 """Segment of the bundled persons -> bone of Unity's `HumanBodyBones`."""
 
 _ARMS = "upper_arm", "forearm", "hand"
-"""Segments that hang in our reference pose, and are held sideways in the pose that the protocol's turns begin from."""
+"""Segments that hang in our reference pose, and are held sideways in the protocol's T-pose."""
 
 
 @component
 class Osc:
-    """Sends each frame by UDP as soon as it is tracked, in the VMC protocol; `osc.json` tells what was sent, and where.
+    """Sends each frame by UDP as soon as it is tracked, in the VMC protocol; `osc.json` describes the data.
 
-    Every bone is turned as against its parent from a T-pose on. A lost person is told as not there. With `passes = 2`
+    The turn of every bone is against its parent, from a T-pose on. A lost person is sent as absent. With `passes = 2`
     frames are sent when their window is done.
     """
 
     host: str = "127.0.0.1"
-    """Machine that they are sent to."""
+    """Name or address of the receiver."""
 
     port: int = pydantic.Field(default=39539, ge=1, le=65535)
-    """Of the first person; of the second one the next, and so on. What receives the protocol listens to 39539."""
+    """Port for the first person; the second person has the next one, and so on. Receivers of the protocol listen to
+    39539."""
 
     def begin(self, run: RunContext) -> OscRecorder:
         """Opens the socket."""
@@ -70,16 +71,16 @@ class Osc:
 
 
 class OscRecorder:
-    """The socket, and how much was sent."""
+    """The socket, and the number of frames sent."""
 
     def __init__(self, run: RunContext, settings: Osc, place: tuple) -> None:  # type: ignore[type-arg]
-        """Nothing is sent yet; `place` is as of `socket.getaddrinfo`."""
+        """Nothing is sent yet; `place` is from `socket.getaddrinfo`."""
         self._run, self._settings, self._place = run, settings, place
         self._socket = socket.socket(place[0], socket.SOCK_DGRAM)
         self._n_sent = 0
 
     def write(self, step: Step) -> None:
-        """Sends a frame; who does not listen misses it."""
+        """Sends a frame; nobody checks that it arrives."""
         for k, (person, estimate) in enumerate(zip(step.scene.persons, step.estimates, strict=True)):
             poses = {} if estimate.lost else bones_of(person.body, estimate.q)
             host, _, *rest = self._place[4]
@@ -87,7 +88,7 @@ class OscRecorder:
         self._n_sent += 1
 
     def finish(self) -> tuple[Path, ...]:
-        """Closes the socket, and tells what was sent."""
+        """Closes the socket, and writes the description."""
         self._socket.close()
         path = self._run.folder / "osc.json"
         persons = [
@@ -128,7 +129,7 @@ def _from_t_pose(name: str, placed: Array) -> Array:
 
 
 def bundle_of(time_s: float, bones: dict[str, tuple[Array, Array]]) -> bytes:
-    """An OSC bundle of a person's bones; of nobody, that nobody is there."""
+    """An OSC bundle of a person's bones; for a lost person, that no person is there."""
     return (
         b"#bundle\0" + struct.pack(">Q", 1) + b"".join(struct.pack(">i", len(one)) + one for one in _all(time_s, bones))
     )

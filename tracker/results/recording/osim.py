@@ -26,7 +26,7 @@ from tracker.results.recording._motion import (
 )
 
 _DENSITY_KG_M3 = 1000.0
-"""Of the body, about that of water (Dempster 1955: 990 to 1160 for human segments)."""
+"""Density of the body, about that of water (Dempster 1955: 990 to 1160 for human segments)."""
 
 _FREE = 99999.9
 """OpenSim's own range of a coordinate without limits."""
@@ -37,8 +37,8 @@ class Osim:
     """`NAME.osim` for each person, OpenSim 4: the segments as bodies, the pose parameters as coordinates, all markers.
 
     The model's world has y up, as OpenSim's; markers are those of `trc` with `y_up = true`. Parts are shown as
-    ellipsoids. A joint that is none of OpenSim's, like one that slides along an axis it turns, becomes two or more
-    with bodies of a gram between. Masses are those of ellipsoids of water, a placeholder; kinematics does not use them.
+    ellipsoids. A joint that OpenSim lacks, like one that slides along an axis it turns, becomes two or more, with
+    bodies of a gram between. Masses are those of ellipsoids of water, a placeholder; kinematics ignores them.
     """
 
     def begin(self, run: RunContext) -> MotionRecorder:
@@ -103,7 +103,7 @@ def _body(segment: Segment, parts: Sequence[Part]) -> Node:
 
 
 def _mass(segment: Segment, parts: Sequence[Part]) -> tuple[float, Array, Array]:
-    """Mass, centre (3,) from the joint and inertia (3, 3) about it, of ellipsoids; of a gram where nothing is."""
+    """Mass, centre (3,) from the joint and inertia (3, 3) about it, of ellipsoids; of a gram without parts."""
     if not parts:
         return 1e-3, np.zeros(3), 1e-6 * np.eye(3)
     sizes = np.array([part.shape.size for part in parts])

@@ -20,13 +20,13 @@ from tracker.results.recording._drawing import draw_step
 from tracker.tracking.trajectory import Step
 
 _FRAGMENT = 10
-"""Frames that are written together."""
+"""Number of frames written together."""
 
 _TICKS = 90_000
 """Time stamps a second: the clock of MPEG, in which every common frame rate is a whole number."""
 
 _LEAST_TICKS = 4
-"""From one frame to the next: the fastest cameras have more frames a second than that clock has stamps."""
+"""Least time between two frames: the fastest cameras have more frames a second than that clock has stamps."""
 
 
 @component
@@ -48,7 +48,7 @@ class Overlay:
 
 
 class OverlayRecorder:
-    """The open video; its size is known with the first frame, and so is the time it starts at."""
+    """The open video; the first frame sets its size and the time of its start."""
 
     def __init__(self, run: RunContext, settings: Overlay) -> None:
         self._run, self._settings = run, settings
@@ -62,7 +62,7 @@ class OverlayRecorder:
         """Adds one frame at its own time."""
         picture = draw_step(step, self._run.scene, self._settings.width_px, self._settings.stick_figure)
         if self._container is None or self._stream is None:
-            # Fragments: what was written before a kill stays playable.
+            # Fragments: frames written before a kill stay playable.
             fragmented = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_packets": "1"}
             self._container = av.open(str(self._file.path), "w", options=fragmented)
             self._stream = self._open_stream(self._container, picture.shape[1], picture.shape[0])

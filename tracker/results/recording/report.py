@@ -29,15 +29,15 @@ GOOD, LOOK, BAD = "good", "look", "bad"
 
 
 class HeadNumber(NamedTuple):
-    """A number, and how it is to be read."""
+    """A number, and its meaning."""
 
     value: str
     name: str
     told: str
-    """What is good or bad about it."""
+    """When it is good or bad."""
 
     verdict: str = ""
-    """`good`, `look` or `bad`; empty of a number that is neither by itself."""
+    """`good`, `look` or `bad`; empty if the number alone is neither."""
 
 
 def head_numbers(summary: dict[str, Any], run: RunContext) -> list[HeadNumber]:
@@ -45,18 +45,16 @@ def head_numbers(summary: dict[str, Any], run: RunContext) -> list[HeadNumber]:
 
     Args:
         summary: see `Series.summary`; of at least one frame.
-        run: what was tracked.
+        run: the run.
     """
     missing, counts = run.n_frames - summary["frames"], summary["by_status"]
     lost, doubtful, limbs = counts.get("lost", 0), counts.get("doubtful", 0), summary["frames_with_ambiguous_limbs"]
     whole = f"the run was stopped: {missing} frames are missing" if missing > 0 else "all of them are tracked"
     return [
         HeadNumber(str(summary["frames"]), f"frames of {run.n_frames}", whole, BAD if missing > 0 else GOOD),
-        _counted(lost, "lost", "everybody is found in every frame", "values of these frames are empty", BAD),
+        _counted(lost, "lost", "every person is found in every frame", "values of these frames are empty", BAD),
         _counted(doubtful, "doubtful", "the images support every pose", "look at these before you use them", LOOK),
-        _counted(
-            limbs, "with a limb that may be elsewhere", "nothing speaks against a limb", "why is told below", LOOK
-        ),
+        _counted(limbs, "with an ambiguous limb", "nothing contradicts a limb", "see the reasons below", LOOK),
         *_fit(summary, run),
         _pace(summary, run),
     ]
@@ -67,7 +65,7 @@ def _counted(n: int, name: str, fine: str, otherwise: str, verdict: str) -> Head
 
 
 def _fit(summary: dict[str, Any], run: RunContext) -> list[HeadNumber]:
-    """How well the poses fit, judged by the limits that the run itself has used."""
+    """How well the poses fit, by the run's own limits."""
     distance_px, explained = summary["mean_distance_px"], summary["mean_explained"]
     rule = run.details.get("config", {}).get("loss", {})
     lost_below, left_over = (rule.get(key, getattr(LossRule(), key)) for key in ("lost_below", "doubtful_above"))
@@ -78,7 +76,7 @@ def _fit(summary: dict[str, Any], run: RunContext) -> list[HeadNumber]:
         HeadNumber(
             "-" if distance_px is None else f"{distance_px:.2f} px",
             "mean distance",
-            "less is better; compare it between runs of one recording alone",
+            "less is better; compare it only between runs of one recording",
         ),
         HeadNumber("-" if explained is None else f"{explained:.0%}", "of the contour explained", limits, verdict),
     ]
@@ -92,7 +90,7 @@ def _pace(summary: dict[str, Any], run: RunContext) -> HeadNumber:
 
 
 _MOST_REASONS = 6
-"""Reasons of doubts that are read without unfolding the rest."""
+"""Number of reasons of doubts that are visible without unfolding the rest."""
 
 _TABLES = {
     "poses.csv": "pose parameters",
@@ -100,12 +98,12 @@ _TABLES = {
     "joints.csv": "joint centres",
     "doubts.csv": "why frames and limbs are in doubt",
     "limbs.csv": "how probable it is that limbs are right",
-    "velocities.csv": "how fast parameters change",
-    "accelerations.csv": "how their velocities change",
+    "velocities.csv": "velocities of the parameters",
+    "accelerations.csv": "accelerations of the parameters",
     "joint_motion.csv": "velocities and accelerations of joint centres",
     "run.json": "all settings and numbers",
 }
-"""What may lie beside the report, and what it holds."""
+"""Files beside the report, and their content."""
 
 
 @component
@@ -113,7 +111,7 @@ class Report:
     """`report.html`: numbers, overlay pictures and plots in one file."""
 
     pictures: int = pydantic.Field(default=4, ge=1)
-    """Overlay pictures, evenly over the run; the worst frame and as many lost frames come on top."""
+    """Number of overlay pictures, evenly over the run; the worst frame and as many lost frames come on top."""
 
     width_px: int = pydantic.Field(default=1000, ge=200)
     """Width of the pictures, px."""
@@ -122,7 +120,7 @@ class Report:
     """The bodies, the cameras and a small video of all views, to play and to scrub; 1 to 2 MB for 1000 frames."""
 
     player_frames: int = pydantic.Field(default=1500, ge=2)
-    """Frames that the player holds at the most; of longer runs it shows every second, third, ..."""
+    """Largest number of frames in the player; of longer runs it shows every second, third, ..."""
 
     def begin(self, run: RunContext) -> ReportRecorder:
         """Collects numbers and pictures; the page is written at the end."""

@@ -1,4 +1,4 @@
-"""What was run, and how it went, as JSON."""
+"""Configuration and outcome of a run, as JSON."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class RunJson:
     """`run.json`: resolved configuration, versions, input hashes and headline numbers."""
 
     def begin(self, run: RunContext) -> RunJsonRecorder:
-        """Writes what is known before the first frame; what an interrupted run has told stays meanwhile."""
+        """Writes the facts known before the first frame; those of an interrupted run stay meanwhile."""
         recorder = RunJsonRecorder(run)
         if not run.resumed:
             recorder.save(complete=False)
@@ -62,7 +62,7 @@ class RunJsonRecorder:
 
 
 def _described(person: Person) -> dict[str, Any]:
-    """The person with what an evaluation compares."""
+    """The person, with data for an evaluation."""
     body = person.body
     return {
         "name": person.name,

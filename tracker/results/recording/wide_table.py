@@ -1,4 +1,4 @@
-"""One row a frame, everything beside each other: for spreadsheets, pandas, R and MATLAB."""
+"""One row a frame, all values side by side: for spreadsheets, pandas, R and MATLAB."""
 
 from __future__ import annotations
 

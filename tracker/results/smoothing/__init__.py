@@ -25,7 +25,7 @@ class Stretch:
     """(T,) seconds, rising."""
 
     poses: Array
-    """(T, dof) rad and m; angles go on without jumps. Unknown ones are not to be used."""
+    """(T, dof) rad and m; angles without jumps. Unknown poses are not to be used."""
 
     covariances: Array
     """(T, dof, dof) of the poses; NaN where the estimation gave none."""
@@ -35,7 +35,7 @@ class Stretch:
 
     @property
     def sigmas(self) -> Array:
-        """(T, dof) standard deviations; 1 where unknown, so that all weigh the same."""
+        """(T, dof) standard deviations; 1 where unknown, so that all have the same weight."""
         variances = np.diagonal(self.covariances, axis1=1, axis2=2)
         sigmas: Array = np.sqrt(np.where(np.isfinite(variances) & (variances > 0), variances, 1.0))
         return sigmas
@@ -68,7 +68,7 @@ class Smoothing(Protocol):
         ...
 
     def check(self, interval_s: float) -> None:
-        """Whether the settings fit a recording; asked before it is tracked.
+        """Checks that the settings fit a recording, before it is tracked.
 
         Args:
             interval_s: usual time from one frame to the next.
@@ -88,11 +88,11 @@ class Smoothing(Protocol):
 
 
 LEAST_FRAMES = 8
-"""Known poses below which a stretch is left as it is: nothing can be said of its jitter."""
+"""A stretch with fewer known poses stays as it is: its jitter is unknown."""
 
 
 def stretches_of(times_s: Array, known: Mask, interval_s: float, max_gap_s: float) -> list[slice]:
-    """Where a movement can be smoothed in one piece.
+    """Stretches of a movement that are smoothed in one piece.
 
     Args:
         times_s: (T,) of the frames.
@@ -111,12 +111,12 @@ def stretches_of(times_s: Array, known: Mask, interval_s: float, max_gap_s: floa
     return [slice(int(piece[0]), int(piece[-1]) + 1) for piece in pieces if len(piece) >= LEAST_FRAMES]
 
 
-# What smoothings have in common that treat every stretch by itself.
+# Common parts of smoothings that treat every stretch separately.
 
 
 @component
 class Stretchwise:
-    """Poses at all times of each stretch; where they have no velocities of their own, those of a quintic spline."""
+    """Poses at all times of each stretch; without velocities of their own, those of a quintic spline."""
 
     max_gap_s: float = pydantic.Field(default=0.2, ge=0)
     """Longest gap that is filled, seconds without a pose; frames of longer ones stay lost."""
@@ -153,21 +153,21 @@ def without_gaps(stretch: Stretch) -> Array:
 
 # See docs/lab/rotations.md.
 _FARTHEST = np.radians(150.0)
-"""Rotation from the mean, and from one known frame to the next, from which on a joint keeps its angles: half a turn
-from the mean vectors jump, and whoever turns on the spot has none."""
+"""Rotation from the mean, and between known frames, from which on a joint keeps its angles: half a turn from the mean
+vectors jump, and a person who turns on the spot has no mean."""
 
 _LEAST_SIGMA = np.radians(0.05)
-"""Standard deviation of a rotation at the least: of an axis that no angle turns about, they tell nothing."""
+"""Least standard deviation of a rotation: angles do not show it about an axis that none turns about."""
 
 _DAMPING = 1e-4
-"""Of steps to the angles of a rotation, and of the way back of covariances, rad^2: in gimbal lock angles stay as they
-are."""
+"""Damping of steps to the angles of a rotation, and of the way back of covariances, rad^2: in gimbal lock angles
+stay."""
 
 _STEPS = 50
-"""Towards the angles of a rotation at most; far from gimbal lock three to six do."""
+"""Largest number of steps to the angles of a rotation; far from gimbal lock three to six are enough."""
 
 _NEAR = 1e-9
-"""Rotation left over that is none, rad."""
+"""Negligible rest of a rotation, rad."""
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ class BallJoint:
     """(3, 3) one a row, in the reference pose."""
 
     mean: Array
-    """(3, 3) rotation that the movement is about."""
+    """(3, 3) mean rotation of the movement."""
 
     def rotations(self, angles: Array) -> Rotation:
         """The T rotations of angles (T, 3), rad."""
@@ -239,7 +239,7 @@ def ball_joints(body: BodyModel, poses: Array) -> tuple[BallJoint, ...]:
 
 
 def _threes(body: BodyModel) -> list[tuple[int, int, int]]:
-    """Angles that turn one joint, one after the other, where there are three."""
+    """Angles that turn one joint, one after the other, if there are three."""
     joints: list[list[int]] = []
     for k, one in enumerate(body.parameters):
         before = body.parameters[one.parent] if one.parent >= 0 else None
@@ -251,7 +251,7 @@ def _threes(body: BodyModel) -> list[tuple[int, int, int]]:
 
 
 def with_vectors(stretch: Stretch, joints: Sequence[BallJoint]) -> Stretch:
-    """A stretch with rotations from their mean in place of the angles of some joints, its covariances, too."""
+    """A stretch with rotations from their mean in place of the angles of some joints, and with their covariances."""
     poses, slopes = stretch.poses.copy(), _identities(stretch.poses)
     least = np.zeros(poses.shape[1])
     for joint in joints:
@@ -267,13 +267,13 @@ def with_vectors(stretch: Stretch, joints: Sequence[BallJoint]) -> Stretch:
 def with_angles(smooth: Smoothed, joints: Sequence[BallJoint], raw: Stretch) -> Smoothed:
     """A smooth movement with angles again; their derivatives are those of a quintic spline.
 
-    In gimbal lock angles stay as the raw ones are, and are as little known: what of their covariances the smooth
-    rotations do not tell is added.
+    In gimbal lock angles stay as the raw ones are, and as uncertain: the part of their covariances that smooth
+    rotations lack is added.
 
     Args:
         smooth: a smoothed `with_vectors`.
         joints: the same.
-        raw: with angles, which the smooth ones are near to.
+        raw: with angles near the smooth ones.
     """
     poses, back, there = smooth.poses.copy(), _identities(smooth.poses), _identities(smooth.poses)
     velocities, accelerations = smooth.velocities.copy(), smooth.accelerations.copy()
@@ -296,7 +296,7 @@ def with_angles(smooth: Smoothed, joints: Sequence[BallJoint], raw: Stretch) -> 
 
 
 def _raw_covariances(raw: Stretch) -> Array:
-    """(T, dof, dof), in frames without a pose those of the next one with; those not given have sigmas of 1."""
+    """(T, dof, dof); frames without a pose have those of the next frame with one; missing ones have sigmas of 1."""
     known = np.flatnonzero(raw.known)
     nearest = known[np.searchsorted(known, np.arange(len(raw.known)))]  # the last frame of a stretch is known
     given = np.isfinite(raw.covariances).all(axis=(1, 2), keepdims=True)
@@ -310,7 +310,7 @@ def _identities(poses: Array) -> Array:
 
 
 def _inverse_right(vectors: Array) -> Array:
-    """(T, 3, 3) how rotation vectors (T, 3) change with a small rotation of what is turned.
+    """(T, 3, 3) derivatives of rotation vectors (T, 3) by a small rotation of the turned frame.
 
     The inverse of the right Jacobian of SO(3) (Chirikjian, Stochastic Models, Information Theory, and Lie Groups,
     vol. 2, 2012, section 10.6).

@@ -12,14 +12,13 @@ from tracker.foundation.errors import ConfigError
 from tracker.results.smoothing import Stretch, Stretchwise, without_gaps
 
 _ORDER = 2
-"""Of each of the two passes, there and back: together of fourth order."""
+"""Order of each of the two passes, there and back: together fourth."""
 
 _SHARE = (np.sqrt(2) - 1) ** (0.5 / _ORDER)
-"""Cut-off of both passes over that of each: 0.80 (Winter, eq. 2.21), as tangents of the angles that a digital filter
-turns them into."""
+"""Cut-off of both passes over that of each: 0.80 (Winter, eq. 2.21), for the tangents of a digital filter's angles."""
 
 _HIGHEST = 1 - 1e-6
-"""Cut-off over half the frame rate at most: at half of it tangents end."""
+"""Largest cut-off over half the frame rate: at half of it tangents end."""
 
 
 @component
@@ -27,21 +26,23 @@ class Butterworth(Stretchwise):
     """Butterworth of fourth order, run forwards and backwards (Winter, Biomechanics of human movement, 2.2.4.4)."""
 
     cutoff_hz: float = pydantic.Field(default=6.0, gt=0)
-    """Frequency above which movement counts as jitter, waves per second (Hz): 6 for walking, 12 for kicks."""
+    """Frequency above which movement counts as jitter, Hz: 6 for walking, 12 for kicks."""
 
     def check(self, interval_s: float) -> None:
         """Half the frame rate is the highest frequency there is; see `tracker.results.smoothing.Smoothing.check`."""
         highest_hz = 0.5 / interval_s
         if self.cutoff_hz >= highest_hz:
             step_hz = 10.0 ** (np.floor(np.log10(highest_hz)) - 3)
-            below_hz = step_hz * (np.ceil(highest_hz / step_hz) - 1)  # what is told must itself be possible
+            below_hz = step_hz * (
+                np.ceil(highest_hz / step_hz) - 1
+            )  # the number in the message must be possible itself
             raise ConfigError(
                 f"smoothing: cutoff_hz = {self.cutoff_hz:g}, expected {below_hz:.4g} at most at the frame rate of "
                 f"{1 / interval_s:.4g} Hz; leave the smoothing out, or use another one"
             )
 
     def _smoothed(self, stretch: Stretch) -> Array:
-        """Filtered at even times: frames that lie unevenly are interpolated there and back."""
+        """Filtered at even times: frames at uneven times are interpolated there and back."""
         times = stretch.times_s
         interval_s = float(np.median(np.diff(times)))
         if 2 * interval_s * self.cutoff_hz >= _HIGHEST:  # a stretch whose frames lie farther apart than usual
@@ -56,5 +57,5 @@ class Butterworth(Stretchwise):
 
 
 def _each_pass(cutoff: float) -> float:
-    """Cut-off of each of two passes of which both together have a cut-off, over half the frame rate, below 1."""
+    """Cut-off of each of two passes with a common cut-off, over half the frame rate, below 1."""
     return float(2 / np.pi * np.arctan(np.tan(np.pi / 2 * cutoff) / _SHARE))

@@ -10,12 +10,12 @@ from tracker.foundation.configuration.components import component
 from tracker.results.smoothing import Stretch, Stretchwise, without_gaps
 
 _SPEED_CUTOFF_HZ = 1.0
-"""Of the filter of the speed, as in the paper."""
+"""Cut-off of the filter of the speed, as in the paper."""
 
 
 @component
 class OneEuro(Stretchwise):
-    """The 1-euro filter (Casiez, Roussel, Vogel, CHI 2012): causal, as a live view needs it, and so late."""
+    """The 1-euro filter (Casiez, Roussel, Vogel, CHI 2012): causal, for live views, and therefore late."""
 
     cutoff_hz: float = pydantic.Field(default=4.0, gt=0)
     """Cut-off at rest, waves per second (Hz): lower means less jitter."""

@@ -18,29 +18,29 @@ _ORDER = 3
 """A parameter's state: its value, velocity and acceleration, whose change is white noise."""
 
 _RATIOS = np.logspace(-12, 2, 29)
-"""Noise of the acceleration over that of the poses that are tried, per frame: from movements of a tenth of a hertz at
+"""Tested ratios of the acceleration's noise to that of the poses, per frame: from movements of a tenth of a hertz at
 200 frames/s to no smoothing at all; half a decade is a twelfth in bandwidth."""
 
 _LEAST_SIGMA = 1e-5
-"""Rad or m: what stands at a limit is not known any better than this."""
+"""Least standard deviation, rad or m: a parameter at its limit is no better known."""
 
 _LEAST_SHARE = 0.1
-"""Share of a sigma that jitter is taken to have at the least: a parameter that stands still has none."""
+"""Least share of a sigma that is jitter: a parameter that stands still has none."""
 
 _CHUNK = 200
-"""Frames whose filtered states are held at a time: 60 MB with 36 parameters."""
+"""Number of frames whose filtered states are held at a time: 60 MB with 36 parameters."""
 
 _FASTEST = np.array([30.0, 1000.0])
-"""Rad/s or m/s, and per second: sigmas of the velocity and acceleration before the first frame."""
+"""Sigmas of the velocity and acceleration before the first frame, rad/s or m/s, and per second."""
 
 
 @component
 class RauchTungStriebel:
-    """Kalman filter and smoother with the whole covariance of every pose: what a frame shows badly, others tell.
+    """Kalman filter and smoother with the whole covariance of every pose: other frames complete an uncertain one.
 
-    Nothing is to be set: the strength of the movement and the share of the sigmas that is jitter are those of the
-    largest likelihood, for each parameter (Kalman 1960; Rauch, Tung, Striebel 1965). What of a covariance is no jitter
-    stays, for smoothing cannot lower it: the sigmas of smooth poses are those of their whole error.
+    It has no settings. The strength of the movement and the share of the sigmas that is jitter maximize the likelihood,
+    for each parameter (Kalman 1960; Rauch, Tung, Striebel 1965). The rest of a covariance
+    stays, because smoothing cannot reduce it: the sigmas of smooth poses are those of their whole error.
     """
 
     max_gap_s: float = pydantic.Field(default=0.2, ge=0)
@@ -59,10 +59,10 @@ class RauchTungStriebel:
 
 @dataclass(frozen=True)
 class Noise:
-    """How a person moves and how the estimates jitter."""
+    """Model of a person's movement, and of the estimates' jitter."""
 
     interval_s: float
-    """Unit of time of everything in here, so that all states are of one size."""
+    """Unit of time in here, so that all states are of one size."""
 
     movement: Array
     """(dof,) intensity of the white noise that changes accelerations, squared units per interval."""
@@ -76,7 +76,7 @@ class Noise:
         return jitter
 
     def rest(self, covariances: Array) -> Array:
-        """(*B, dof, dof) what of the covariances is no jitter."""
+        """(*B, dof, dof) the rest of the covariances."""
         rest = np.sqrt(1 - np.minimum(self.shares, 1) ** 2)
         slow: Array = rest[:, None] * covariances * rest
         return slow
@@ -97,7 +97,7 @@ def _step(tau: float) -> tuple[Array, Array]:
 
 
 def _likeliest(stretches: Sequence[Stretch]) -> Noise:
-    """Movement and jitter under which the poses are the likeliest, each parameter by itself.
+    """Movement and jitter of the largest likelihood, each parameter by itself.
 
     For a ratio of the two, the jitter's variance is the mean of the squared normalized innovations (Harvey 1989, 3.4).
     """
@@ -118,7 +118,7 @@ def _likeliest(stretches: Sequence[Stretch]) -> Noise:
 
 
 def _innovations(stretch: Stretch, movement: Array, interval_s: float) -> Iterator[tuple[Array, Array]]:
-    """What each pose tells beyond those before it, and its variance, for all movements (C, dof) at once."""
+    """New information of each pose beyond those before it, and its variance, for all movements (C, dof) at once."""
     sigmas = _sigmas(stretch)
     state = np.zeros((*movement.shape, _ORDER))
     state[..., 0] = stretch.poses[0]
@@ -144,7 +144,7 @@ def _smoothed(stretch: Stretch, noise: Noise) -> Smoothed:
     """Forwards and backwards through a stretch, all parameters together.
 
     Covariances of all states would fill the memory (93 kB a frame with 36 parameters): those of the filter are kept
-    every `_CHUNK` frames, and found again from there on the way back.
+    every `_CHUNK` frames, and computed again from there on the way back.
     """
     n, dof = stretch.poses.shape
     told = _told(stretch)
@@ -172,7 +172,7 @@ def _smoothed(stretch: Stretch, noise: Noise) -> Smoothed:
 
 @dataclass(frozen=True)
 class _Filtered:
-    """The state at one time given the frames so far, and how it came from the one before."""
+    """The state at one time given the frames so far, and its transition from the one before."""
 
     moved: Array
     predicted: Array
@@ -228,7 +228,7 @@ def _sigmas(stretch: Stretch) -> Array:
 
 
 def _told(stretch: Stretch) -> Array:
-    """(T, dof, dof) covariances; those that the estimation did not give are diagonal, with sigmas of 1."""
+    """(T, dof, dof) covariances; missing ones are diagonal, with sigmas of 1."""
     given = np.isfinite(stretch.covariances).all(axis=(1, 2), keepdims=True)
     least = _LEAST_SIGMA**2 * np.eye(stretch.poses.shape[1])
     diagonal = stretch.sigmas[:, :, None] ** 2 * np.eye(stretch.poses.shape[1])

@@ -11,16 +11,16 @@ from tracker.foundation.configuration.components import component
 from tracker.results.smoothing import Stretch, Stretchwise
 
 _PENALTIES = np.logspace(-4, 10, 57)
-"""Weights of the integral of the squared second derivative that are tried, times in usual intervals: from no smoothing
-to a thousandth of a cycle a frame."""
+"""Tested weights of the integral of the squared second derivative, in usual intervals: from no smoothing to a
+thousandth of a cycle a frame."""
 
 
 @component
 class Spline(Stretchwise):
     """Cubic smoothing spline, one a parameter (Craven & Wahba 1979; Woltring 1986 in biomechanics).
 
-    Frames weigh the same: sigmas tell of more than jitter. Velocities and accelerations are its own, and these 0 at
-    both ends; but those of joints that turn about three axes, see `tracker.results.smoothing`.
+    Frames have equal weights: sigmas contain more than jitter. Velocities and accelerations are its own, and
+    accelerations are 0 at both ends; for joints that turn about three axes, see `tracker.results.smoothing`.
     """
 
     def _smoothed(self, stretch: Stretch) -> Array:
@@ -42,9 +42,9 @@ class Spline(Stretchwise):
 def _validated(times: Array, columns: Array) -> Array:
     """(dof,) penalties of the least generalized cross-validation error of columns (T, dof) at times (T,).
 
-    All penalties are tried: searching downhill, as SciPy does, made a straight line of five in 22 angles of somebody
+    All penalties are tried: searching downhill, as SciPy does, made a straight line of five in 22 angles of a person
     who walks on the spot. The second derivatives of a spline solve a system of five diagonals (Reinsch 1967; Green &
-    Silverman 1994, section 2.3): ``(R + penalty Q'Q) c = Q'y``, and ``penalty Q c`` is what it leaves.
+    Silverman 1994, section 2.3): ``(R + penalty Q'Q) c = Q'y``, and ``penalty Q c`` is the residual.
     """
     steps = np.diff(times)
     before, behind = 1 / steps[:-1], 1 / steps[1:]
@@ -75,11 +75,11 @@ def _validated(times: Array, columns: Array) -> Array:
 def _trace(matrices: list[Array], factor: list[Array]) -> Array:
     """(K,) traces of a matrix times the inverses of K others, all symmetric and of five diagonals.
 
-    Of an inverse only five diagonals count, which are found one after the other (Hutchinson & de Hoog 1985).
+    Only five diagonals of an inverse count; they are found one after the other (Hutchinson & de Hoog 1985).
 
     Args:
         matrices: their diagonals (N, K), the middle one first, then those above it, shorter by one and two.
-        factor: those of the matrix (N,).
+        factor: diagonals of the matrix (N,).
     """
     (main, first, second), n = matrices, len(matrices[0])
     nothing = np.zeros_like(main[0])
