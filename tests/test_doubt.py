@@ -37,7 +37,7 @@ from tracker.tracking.loss import (
     trusted_parts,
 )
 from tracker.tracking.sequence import track
-from tracker.tracking.start import Start
+from tracker.tracking.start import FACES_RIGHTLY, Hypothesis, Start
 from tracker.tracking.trajectory import Step
 
 
@@ -134,6 +134,22 @@ def test_a_start_that_is_rather_wrong_than_right_is_told(
         assert doubts.none == (not doubtful)
         expected = {"frame": first.frame.index, "confidence": round(begun.start_confidence[0], 3)}
         assert series.summary()["starts"] == {name: expected}
+
+
+@pytest.mark.parametrize(("given", "n_views", "told"), [(False, 2, True), (True, 2, False), (False, 4, False)])
+def test_of_two_cameras_face_to_face_a_run_says_that_they_do_not_tell_who_faces_where(
+    truth: Scene, observation: Observation, given: bool, n_views: int, told: bool
+) -> None:
+    """However well the pose explains them; not of a pose that somebody gave, nor with cameras from other sides."""
+    names = truth.rig.names[::2] if n_views == 2 else truth.rig.names
+    estimate = in_doubt(estimate_of(truth, observation))
+    (begun,) = steps_of(truth, observation, [[estimate]])
+    q, scene = truth.persons[0].q, replace(truth, rig=truth.rig.select(names))
+    one = Hypothesis(q, 1.0, 1.0, 0.0, 0.0, given=given)
+    begun = replace(begun, scene=scene, start=Start((q,), hypotheses=((one,),), sureness=(1.0,)))
+    doubts = Doubts().after(begun)
+    assert ("do not tell who faces where" in doubts.sentence()) == told == (not doubts.none)
+    assert begun.start_confidence == pytest.approx((FACES_RIGHTLY if told else 1.0,))
 
 
 @given(st.sets(st.integers(0, 60)))

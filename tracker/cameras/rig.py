@@ -318,13 +318,22 @@ def _floor_doubt(rig: Rig, turn: str) -> str:
     )
 
 
-def _opposite_doubt(rig: Rig) -> str:
-    """That the only two cameras face each other."""
+def opposite_deg(rig: Rig) -> float:
+    """How far apart the only two cameras stand that face each other, seen from between them, degrees; 0 where none do.
+
+    What they see of a person is nearly mirrored: they do not tell who faces where.
+    """
     if len(rig) != 2:
-        return ""
+        return 0.0
     one, other = (camera.centre - rig.middle for camera in rig.cameras)
     apart_deg = np.degrees(np.arccos(np.clip(one @ other / np.linalg.norm(one) / np.linalg.norm(other), -1, 1)))
-    if apart_deg < _OPPOSITE_DEG:
+    return float(apart_deg) if apart_deg >= _OPPOSITE_DEG else 0.0
+
+
+def _opposite_doubt(rig: Rig) -> str:
+    """That the only two cameras face each other."""
+    apart_deg = opposite_deg(rig)
+    if not apart_deg:
         return ""
     return (
         f"{' and '.join(rig.names)} face each other, {apart_deg:.0f} degrees apart: their outlines are nearly the same "

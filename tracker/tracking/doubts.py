@@ -101,6 +101,9 @@ class Doubts:
     turned_round: tuple[str, ...] = ()
     """Persons whose given start pose fits less well than the same turned round."""
 
+    unfaced: bool = False
+    """Whether persons were found by two cameras alone that face each other, see `Step.may_face_the_other_way`."""
+
     confidences: Mapping[str, float] = field(default_factory=dict)
     """Who was found in the first start -> how often starts like it are right, see `start.confidence`."""
 
@@ -142,6 +145,7 @@ class Doubts:
             hidden=_with(self.hidden, frame, _hidden(step)),
             strangers=(*self.strangers, frame) if step.strangers else self.strangers,
             turned_round=(*self.turned_round, *(step.scene.persons[k].name for k in turned)),
+            unfaced=self.unfaced or step.may_face_the_other_way,
             confidences=self.confidences or _by_name(step),
             found=found,
             grave=(*self.grave, frame) if any(_is_grave(one, who.name in found) for who, one in pairs) else self.grave,
@@ -154,7 +158,8 @@ class Doubts:
     @property
     def none(self) -> bool:
         """Whether there is nothing to look at."""
-        return not (self.lost or self.doubtful or self.ambiguous or self.turned_round or self.unlikely)
+        starts = self.turned_round or self.unfaced or self.unlikely
+        return not (self.lost or self.doubtful or self.ambiguous or starts)
 
     @property
     def nobody(self) -> bool:
@@ -193,6 +198,8 @@ class Doubts:
         if self.none:
             return "; ".join([f"no frame of {self.n_frames} lost, doubtful or with an ambiguous limb", *unused])
         found = [f"{name} may be turned round from the given start on" for name in self.turned_round]
+        if self.unfaced:
+            found.append("the two cameras face each other and do not tell who faces where")
         found += [
             f"{name}'s start pose is rather wrong than right (confidence {self.confidences[name]:.2f})"
             for name in self.unlikely

@@ -10,11 +10,12 @@ import numpy as np
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
+from tracker.cameras.rig import opposite_deg
 from tracker.evidence.measures.account import LONG_FRAMES
 from tracker.foundation.arrays import Array, Integers, Mask, frozen
 from tracker.tracking.budget import Tries
 from tracker.tracking.estimate import Estimate, Status
-from tracker.tracking.start import Start, confidence
+from tracker.tracking.start import FACES_RIGHTLY, Start, confidence
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,14 @@ class Step:
         if self.start is None:
             return self.told_confidence
         turned, pairs = self.start.turned_round, zip(self.start.told_sureness, self.estimates, strict=False)
-        return tuple(sure if k in turned else confidence(sure, one) for k, (sure, one) in enumerate(pairs))
+        faces = FACES_RIGHTLY if self.may_face_the_other_way else 1.0
+        return tuple(sure if k in turned else faces * confidence(sure, one) for k, (sure, one) in enumerate(pairs))
+
+    @property
+    def may_face_the_other_way(self) -> bool:
+        """Whether persons were found by two cameras alone that face each other: nothing shows who faces where."""
+        found = self.start is not None and not (self.start.given or self.start.by_keypoints)
+        return found and opposite_deg(self.scene.rig) > 0
 
 
 @dataclass(frozen=True)
