@@ -94,8 +94,8 @@ class Rows {
         : image_(image), appearances_(appearances), width_(width), wide_(width + 2 * HALF), left_(x - HALF),
           from_(std::max(left_, Index(0))), end_(std::min(left_ + wide_, image.shape[1])),
           first_(std::max(from_ - 1, Index(0))), n_(std::min(end_ + 1, image.shape[1]) - first_), kept_(HELD, -1),
-          parted_(std::size_t(3 * n_)), lightness_(std::size_t(HELD * (n_ + 2))), places_(std::size_t(HELD * n_)), slopes_(std::size_t(2 * wide_)),
-          sums_(std::size_t(2 * HELD * width), 0), windows_(std::size_t(2 * width), 0), means_(windows_.size()) {
+          parted_(std::size_t(3 * n_)), lightness_(std::size_t(HELD * (n_ + 2))), places_(std::size_t(HELD * n_)),
+          slopes_(std::size_t(2 * wide_)), sums_(std::size_t(2 * HELD * width), 0), windows_(std::size_t(2 * width), 0), means_(windows_.size()) {
         for (Index row = y - HALF; row < y + HALF; row++) add(row);
     }
 

@@ -144,7 +144,9 @@ class Anchors:
 
     def chosen(self, which: Mask | Integers) -> Anchors:
         """Some of them."""
-        return Anchors(*(getattr(self, each.name)[which] for each in fields(self)))
+        # of a mask the rows are looked for once, not in each of nine arrays
+        rows = np.flatnonzero(which) if which.dtype == np.bool_ else which
+        return Anchors(*(getattr(self, each.name).take(rows, axis=0) for each in fields(self)))
 
     @property
     def standing(self) -> Mask:

@@ -271,7 +271,9 @@ class Colours:
         tables = Tables(*(values.copy() for values in self.tables))
         learning = picture, samples, beside, cameras, self.half_extents, useful, *spans, self.posteriors
         changed = learn_lines(*learning, tables)
-        known = self.known | tables.inside.any(axis=2)
+        known = self.known.copy()
+        fresh = changed & ~known
+        known[fresh] = tables.inside[fresh].any(axis=1)
         changed |= corrected(tables, known & ~self.known, known)
         posteriors = self.posteriors.copy()
         tabulate_posteriors(tables, (FLOOR, _MOST_ODDS), changed, posteriors)
