@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -11,9 +12,12 @@ from recordings import TrueStart, cycle_for, small_simulation
 
 from tracker.bodies.scene import Person, Scene
 from tracker.evidence import Evidence
-from tracker.evidence.auto import AutoEvidence
+from tracker.evidence._anchors import Anchors
+from tracker.evidence.auto import AutoEvidence, _Seen
 from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.measures.correspondences import Equations
+from tracker.evidence.measures.outlines import Comparison
+from tracker.evidence.motion import MotionEvidence, ObservedMotion
 from tracker.evidence.similarity.chamfer import ChamferSimilarity
 from tracker.evidence.together import TogetherEvidence
 from tracker.foundation.arrays import Array
@@ -128,42 +132,121 @@ def test_a_body_with_room_for_too_few_samples_is_traced_again(
     refined_both_ways(objective, start, monkeypatch)
 
 
-class Asked(Evidence):
-    """One that somebody has written in Python: it says nothing of what is compiled."""
+class Written(ContourEvidence):
+    """One that somebody has written in Python: nothing is known of its equations."""
 
-    def __init__(self) -> None:
-        self.n = 0
+    asked_px: ClassVar[list[float]] = []
 
-    def equations(self, asked, q, gate_px):  # type: ignore[no-untyped-def]
-        self.n += 1
-        return Equations.nothing(asked.body.dof)
+    def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
+        self.asked_px.append(gate_px)
+        return super().equations(asked, q, 0.7 * gate_px)
 
 
-def test_who_is_not_compiled_is_asked_in_every_step(bent_scene: Scene) -> None:
+def beside_contours(contours: Objective, *written: Evidence, chosen: bool) -> Objective:
+    """The same question put to contours and to others, perhaps as those that `auto` has chosen."""
+    n = len(written)
+    both = TogetherEvidence(
+        of=(ContourEvidence(), *written),
+        ranking=(1.0, *[0.0] * n),
+        refining=(0.3, *[1.0] * n),
+        exact_px=(1.2, *[0.8] * n),
+    )
+    observed = (contours.asked.observed,) * (n + 1)
+    if not chosen:
+        return replace(contours, asked=replace(contours.asked, observed=observed), evidence=both)
+    return replace(contours, asked=replace(contours.asked, observed=_Seen(both, observed)), evidence=AutoEvidence())
+
+
+@pytest.mark.parametrize("chosen", [False, True])
+def test_who_is_not_compiled_is_asked_in_every_step(
+    bent_scene: Scene, chosen: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     body, q = bent_scene.persons[0].body, bent_scene.persons[0].q
-    contours, written = objective_of(bent_scene, ideal(bent_scene)), Asked()
-    both = TogetherEvidence(of=(ContourEvidence(), written), ranking=(1.0, 0.0), refining=(1.0, 0.5))
-    asked = replace(contours.asked, observed=(contours.asked.observed, None))
-    objective = Objective(asked, both)
-    assert compiled_descent(objective) is None
-    start, estimation = body.clamped(q + off(body, 2.0, 0.01, 0)), TwistIcpEstimation(rest_deg=0, rest_m=0)
+    objective = beside_contours(objective_of(bent_scene, ideal(bent_scene)), Written(), chosen=chosen)
+    start = body.clamped(q + off(body, 2.0, 0.01, 0))
+    refined_both_ways(objective, start, monkeypatch)
+    Written.asked_px.clear()
     gates = np.geomspace(30.0, 8.0, 6).tolist()
-    beside, _ = estimation._descend(objective, start, start, gates)
-    assert written.n == 6
-    alone, _ = estimation._descend(contours, start, start, gates)
-    np.testing.assert_allclose(beside, alone, rtol=0, atol=1e-7)
+    fresh = beside_contours(objective_of(bent_scene, ideal(bent_scene)), Written(), chosen=chosen)
+    TwistIcpEstimation(rest_deg=0, rest_m=0)._descend(fresh, start, start, gates)
+    assert Written.asked_px == pytest.approx(gates)
 
 
-class Changed(ContourEvidence):
-    """One whose equations are others than those of the class it derives from."""
+def test_contours_that_were_hidden_are_hidden_from_who_is_asked(
+    bent_scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    body, q = bent_scene.persons[0].body, bent_scene.persons[0].q
+    hidden = np.zeros((4, len(body.parts)), dtype=np.bool_)
+    hidden[:2, body.parts_of("left_arm")] = True
+    history = replace(History.start(0.0, q), unseen=np.where(hidden, 1000, 0))
+    objective = beside_contours(objective_of(bent_scene, ideal(bent_scene)), Written(), chosen=False)
+    start = body.clamped(q + off(body, 3.0, 0.02, 0))
+    refined_both_ways(replace(objective, history=history), start, monkeypatch)
 
 
-def test_a_kind_derived_from_a_compiled_one_is_asked_as_well(bent_scene: Scene) -> None:
+@pytest.mark.parametrize(("weight", "is_compiled"), [(1.0, True), (0.5, False)])
+def test_who_stands_beside_kinds_that_are_weighed_changes_none_of_their_weights(
+    bent_scene: Scene, weight: float, is_compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As keypoints stand beside what `auto` has chosen: what contours leave over raises them against the others."""
+    body, q = bent_scene.persons[0].body, bent_scene.persons[0].q
+    inner = beside_contours(objective_of(bent_scene, ideal(bent_scene)), Written(), chosen=True)
+    outer = TogetherEvidence(of=(inner.evidence, Written()), ranking=(1.0, 0.0), refining=(weight, 0.7))
+    edges = inner.asked.observed.observed[0]
+    objective = replace(inner, asked=replace(inner.asked, observed=(inner.asked.observed, edges)), evidence=outer)
+    assert (compiled_descent(objective) is not None) == is_compiled
+    start = body.clamped(q + off(body, 2.0, 0.01, 0))
+    if is_compiled:
+        refined_both_ways(objective, start, monkeypatch)
+
+
+def test_one_kind_that_is_weighed_keeps_its_weight(bent_scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a first frame, in which colours say nothing yet."""
+    body, q = bent_scene.persons[0].body, bent_scene.persons[0].q
+    contours = objective_of(bent_scene, ideal(bent_scene))
+    seen = contours.asked.observed
+    silent = TogetherEvidence(of=(ContourEvidence(), MotionEvidence()), ranking=(1.0, 0.0), refining=(0.3, 1.0))
+    outer = TogetherEvidence(of=(silent, Written()), ranking=(1.0, 0.0), refining=(1.0, 1.0))
+    observed = ((seen, ObservedMotion((True,) * 4, Anchors.none(), np.zeros(0))), seen)
+    objective = replace(contours, asked=replace(contours.asked, observed=observed), evidence=outer)
+    refined_both_ways(objective, body.clamped(q + off(body, 2.0, 0.01, 0)), monkeypatch)
+
+
+class Faulty(ContourEvidence):
+    """One that fails."""
+
+    def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
+        raise ZeroDivisionError("a fault of its own")
+
+
+class OfAnotherBody(ContourEvidence):
+    """One whose equations have other parameters."""
+
+    def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
+        return Equations.nothing(3)
+
+
+@pytest.mark.parametrize(
+    ("written", "error", "told"),
+    [(Faulty(), ZeroDivisionError, "of its own"), (OfAnotherBody(), ValueError, "answer.matrix")],
+)
+def test_a_fault_of_who_is_asked_is_told(
+    bent_scene: Scene, written: Evidence, error: type[Exception], told: str
+) -> None:
+    objective, start = objective_of(bent_scene, ideal(bent_scene)), bent_scene.persons[0].q
+    with pytest.raises(error, match=told):
+        TwistIcpEstimation()._descend(beside_contours(objective, written, chosen=False), start, start, [30.0])
+
+
+def test_where_nothing_is_compiled_all_is_asked_for_in_python(bent_scene: Scene) -> None:
     objective = objective_of(bent_scene, ideal(bent_scene))
-    assert compiled_descent(objective) is not None
-    assert compiled_descent(replace(objective, evidence=Changed())) is None
+    assert compiled_descent(replace(objective)) is not None
+    assert compiled_descent(replace(objective, evidence=Written())) is None
     votes = replace(objective, evidence=ContourEvidence(similarity=ChamferSimilarity(votes=True)))
     assert compiled_descent(votes) is None
+    alone = TogetherEvidence(of=(Written(),), ranking=(1.0,), refining=(1.0,))
+    asked = replace(objective.asked, observed=(objective.asked.observed,))
+    assert compiled_descent(replace(objective, asked=asked, evidence=alone)) is None
 
 
 def test_equations_that_hold_nothing_are_no_step(bent_scene: Scene) -> None:

@@ -1,5 +1,6 @@
 #include <nanobind/stl/tuple.h>
 
+#include <algorithm>
 #include <stdexcept>
 #include <tuple>
 
@@ -156,10 +157,37 @@ class RuleArguments {
     Input<double, 1> resting_;
 };
 
+// Of the tuple of kinds: three that are compiled, the largest silent weight, what each of those counts that are asked, and
+// a function of the gate that answers for all of these.
+constexpr int N_KINDS = 6;
+
+Others others_of(const nb::tuple &kinds, Index dof) {
+    Others others;
+    for (const nb::handle one : inner(kinds, 4, N_KINDS, "kinds")) {
+        const auto counted = nb::cast<nb::tuple>(one);
+        others.counted.push_back(counted_of(counted, 3, "kinds.asked"));
+        others.counted.back().apart = nb::cast<bool>(entry(counted, 2, 3, "kinds.asked"));
+    }
+    const nb::handle ask = entry(kinds, 5, N_KINDS, "kinds");
+    others.ask = [ask, dof](double gate_px, const std::vector<Answer> &answers) {
+        const nb::gil_scoped_acquire locked;
+        const auto given = nb::cast<nb::tuple>(ask(gate_px));
+        for (std::size_t k = 0; k < answers.size(); k++) {
+            const nb::tuple said = inner(given, int(k), int(answers.size()), "answers");
+            const Input<double, 2> matrix(entry(said, 0, 4, "answer"), "answer.matrix", {dof, dof});
+            const Input<double, 1> vector(entry(said, 1, 4, "answer"), "answer.vector", {dof});
+            std::copy_n((*matrix).data, dof * dof, answers[k].matrix.data);
+            std::copy_n((*vector).data, dof, answers[k].vector.data);
+            *answers[k].sums = {number(said, 2, 4, "answer"), number(said, 3, 4, "answer")};
+        }
+    };
+    return others;
+}
+
 // Takes one of the kinds if it is not None.
 template <class Arguments, class... More>
 void take(std::optional<Arguments> &arguments, const nb::tuple &kinds, int i, const More &...more) {
-    const nb::handle given = entry(kinds, i, 4, "kinds");
+    const nb::handle given = entry(kinds, i, N_KINDS, "kinds");
     if (!given.is_none()) arguments.emplace(nb::cast<nb::tuple>(given), more...);
 }
 
@@ -188,7 +216,8 @@ void bind_descent(nb::module_ &module) {
             const Output<double, 1> v(vector, "vector", {m.dof()});
             const Stage in = s.stage();
             Kinds asked;
-            asked.most_silent = number(kinds, 3, 4, "kinds");
+            asked.most_silent = number(kinds, 3, N_KINDS, "kinds");
+            asked.others = others_of(kinds, m.dof());
             if (edges) asked.edges = edges->edges();
             if (colours) asked.colours = colours->colours(in.parts);
             if (places) asked.places = places->places();

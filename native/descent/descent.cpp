@@ -71,6 +71,8 @@ class Linearizer {
         if (kinds.edges) said_.emplace_back(dof(), kinds.edges->counted);
         if (kinds.colours) said_.emplace_back(dof(), kinds.colours->counted);
         if (kinds.places) said_.emplace_back(dof(), kinds.places->counted);
+        n_compiled_ = said_.size();
+        for (const Counted &counted : kinds.others.counted) said_.emplace_back(dof(), counted);
     }
 
     Index dof() const { return model_.chain.dof(); }
@@ -83,6 +85,7 @@ class Linearizer {
         if (kinds_.edges) compare_edges(*kinds_.edges, motion, gate_px, said_[k++]);
         if (kinds_.colours) compare_colours(*kinds_.colours, motion, gate_px, said_[k++]);
         if (kinds_.places) compare_places(*kinds_.places, motion, gate_px, said_[k++]);
+        ask_others(gate_px);
         return sum(matrix, vector);
     }
 
@@ -160,10 +163,18 @@ class Linearizer {
         said.sums = body::anchor_equations(placed_[0], places.carried, found, weights, motion, said.matrix(), said.vector());
     }
 
+    void ask_others(double gate_px) {
+        std::vector<Answer> answers;
+        for (std::size_t k = n_compiled_; k < said_.size(); k++)
+            answers.push_back({said_[k].matrix(), said_[k].vector(), &said_[k].sums});
+        if (!answers.empty()) kinds_.others.ask(gate_px, answers);
+    }
+
     // The sum of what was said, times the weights; the largest weight stays what it is.
     body::Sums sum(Array<double, 2> matrix, Array<double, 1> vector) const {
         double most = kinds_.most_silent, most_raised = most;
         for (const Said &said : said_) {
+            if (said.counted.apart) continue;
             most = std::max(most, said.counted.weight);
             most_raised = std::max(most_raised, said.raised());
         }
@@ -171,7 +182,7 @@ class Linearizer {
         std::fill_n(vector.data, vector.size(), 0.0);
         body::Sums sums;
         for (const Said &said : said_) {
-            const double weight = said.raised() * most / most_raised;
+            const double weight = said.counted.apart ? said.counted.weight : said.raised() * most / most_raised;
             const double *numbers = said.numbers.data();
             for (Index i = 0; i < matrix.size(); i++) matrix.data[i] += weight * numbers[i];
             for (Index i = 0; i < dof(); i++) vector[i] += weight * numbers[matrix.size() + i];
@@ -186,7 +197,9 @@ class Linearizer {
     const Kinds &kinds_;
     Index n_parts_, n_views_, room_;
     std::vector<Index> ends_;
+    // those that are compiled, then the others
     std::vector<Said> said_;
+    std::size_t n_compiled_ = 0;
     Room<double> placements_, motions_, twists_, found_, weights_;
     Room<float> positions_, points_, shifts_;
     Room<Index> parts_, counts_, pairs_, beside_;

@@ -2,7 +2,9 @@
 //
 // The twin is `TwistIcpEstimation` with the equations that each kind of evidence makes in Python (`Evidence.equations`).
 #pragma once
+#include <functional>
 #include <optional>
+#include <vector>
 
 #include "body/anchors.hpp"
 #include "body/kinematics.hpp"
@@ -35,9 +37,11 @@ struct Stage {
     Array<const bool, 2> hidden;
 };
 
-// What a kind of evidence counts in the sum of all; more where it leaves less than exact_px over, RMS (0: never).
+// What a kind of evidence counts in the sum of all; more where it leaves less than exact_px over, RMS (0: never). One that
+// is apart is added as it is.
 struct Counted {
     double weight, exact_px;
+    bool apart = false;
 };
 
 // Scene points (S, 5) of all views, see `match_oriented`; least cosine of a pair; length that is one observation.
@@ -64,12 +68,26 @@ struct Places {
     double slide_m, reach_px, least_facing;
 };
 
+// Where a kind that is asked writes its equations: J^T W J (dof, dof), J^T W r (dof,), sums of w r^2 and of w.
+struct Answer {
+    Array<double, 2> matrix;
+    Array<double, 1> vector;
+    body::Sums *sums;
+};
+
+// Kinds that are asked, in Python, at the pose that the steps have come to.
+struct Others {
+    std::vector<Counted> counted;
+    std::function<void(double gate_px, const std::vector<Answer> &answers)> ask;
+};
+
 struct Kinds {
     std::optional<Edges> edges;
     std::optional<Colours> colours;
     std::optional<Places> places;
     // largest weight of a kind that says nothing in this frame
     double most_silent;
+    Others others;
 };
 
 // How a pose is held and when it is at rest, (dof,) each: the start, and what holds it there; where it usually is, and

@@ -88,7 +88,7 @@ class Evidence(Protocol):
         return asked.observed
 
     def kinds(self, asked: Comparison) -> Kinds | None:
-        """What a compiled refinement computes of its `equations` by itself; by default None: it is asked for them.
+        """What a compiled refinement computes of its `equations` by itself; by default None: it is asked in each step.
 
         Args:
             asked: person, scene and what was observed.

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 from tracker.bodies.contours import Contours
 from tracker.bodies.scene import Scene
@@ -120,8 +122,11 @@ class AutoEvidence(Evidence):
         return _by(asked).equations(_put(asked), q, gate_px)
 
     def kinds(self, asked: Comparison) -> Kinds | None:
-        """What is compiled of it."""
-        return _by(asked).kinds(_put(asked))
+        """What is compiled of it, and what is asked."""
+        found = _by(asked).kinds(_put(asked))
+        if found is None or not found.asked:
+            return found
+        return found._replace(asked=tuple(one._replace(ask=partial(_passed_on, one.ask)) for one in found.asked))
 
     def account(self, asked: Comparison, q: Array) -> Account:
         """Its account."""
@@ -148,6 +153,11 @@ def _enough(known: Sequence[object | None]) -> bool:
 def _by(asked: Comparison) -> Evidence:
     one: Evidence = asked.observed.by
     return one
+
+
+def _passed_on(ask: Callable[..., Any], asked: Comparison, q: Array, gate_px: float) -> Any:
+    """What one of the kinds of the one chosen answers."""
+    return ask(_put(asked), q, gate_px)
 
 
 def _put(asked: Comparison) -> Comparison:

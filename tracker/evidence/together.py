@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pydantic
@@ -22,7 +24,7 @@ from tracker.foundation.arrays import Array, Mask
 from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import ConfigError
 from tracker.images.sight import Sight
-from tracker.kernels.descent import Kinds
+from tracker.kernels.descent import Asked, Kinds
 
 # A choice: half the residual counts 16 times.
 _SHARPNESS = 4.0
@@ -113,20 +115,35 @@ class TogetherEvidence(Evidence):
         return combined(found, weights)
 
     def kinds(self, asked: Comparison) -> Kinds | None:
-        """All of them, if each is compiled and says one thing."""
-        together, share = Kinds(), _share_of_usual(asked.scene.rig)
-        exact_px = self.exact_px or (0.0,) * len(self.of)
-        for one, weight, observed, px in zip(self.of, self.refining, asked.observed, exact_px, strict=True):
-            if weight == 0:
+        """Those that are compiled; the others are asked. None where nothing is compiled."""
+        counted = [k for k, weight in enumerate(self.refining) if weight > 0]
+        found = {k: self.of[k].kinds(asked.put(asked.observed[k])) for k in counted}
+        weighed = [k for k, own in found.items() if own is not None and _are_weighed(own)]
+        if len(weighed) == 1 and self.refining[weighed[0]] == 1 and not any(self.exact_px):
+            return self._with_others(weighed[0], found)
+        return self._together(found, asked)
+
+    def _together(self, found: Mapping[int, Kinds | None], asked: Comparison) -> Kinds | None:
+        """Kinds that say one thing each, and all others asked."""
+        together, share, others = Kinds(), _share_of_usual(asked.scene.rig), []
+        for k, own in found.items():
+            weight, px = self.refining[k], share * (self.exact_px[k] if self.exact_px else 0.0)
+            said = () if own is None else _said(own)
+            if own is None or _are_weighed(own) or any(getattr(together, name) is not None for name in said):
+                others.append(Asked(weight, px, partial(_answer, self.of[k], k)))
                 continue
-            own = one.kinds(asked.put(observed))
-            said = () if own is None else tuple(name for name in _SAID if getattr(own, name) is not None)
-            if own is None or len(said) > 1 or any(getattr(together, name) is not None for name in said):
-                return None
-            counted = {name: getattr(own, name)._replace(weight=weight, exact_px=px * share) for name in said}
+            counted = {name: getattr(own, name)._replace(weight=weight, exact_px=px) for name in said}
             silent = max(together.most_silent, weight * own.most_silent)
             together = together._replace(most_silent=silent, **counted)
-        return together
+        return together._replace(asked=tuple(others)) if _said(together) or not others else None
+
+    def _with_others(self, k: int, found: Mapping[int, Kinds | None]) -> Kinds | None:
+        """The kinds of number k, weighed among themselves as they are, and all others beside them."""
+        own = found[k]
+        assert own is not None
+        inner = [one._replace(ask=partial(_passed_on, one.ask, k)) for one in own.asked]
+        beside = [Asked(self.refining[n], 0.0, partial(_answer, self.of[n], n), apart=True) for n in found if n != k]
+        return own._replace(asked=(*inner, *beside))
 
     def account(self, asked: Comparison, q: Array) -> Account:
         """Weighted sum of the shares, and the distance that ranks; see `tracker.evidence.measures.account.summed`."""
@@ -159,6 +176,29 @@ class TogetherEvidence(Evidence):
         for one, weight, observed in zip(self.of, weights, asked.observed, strict=True):
             if weight > 0:
                 yield one, weight, asked.put(observed)
+
+
+def _said(kinds: Kinds) -> tuple[str, ...]:
+    """Names of those that are compiled."""
+    return tuple(name for name in _SAID if getattr(kinds, name) is not None)
+
+
+def _are_weighed(kinds: Kinds) -> bool:
+    """Whether kinds count as much as others among them say: they cannot be given another weight each."""
+    said = [getattr(kinds, name) for name in _said(kinds)]
+    plain = all(one.weight == 1 and one.exact_px == 0 for one in said)
+    return bool(kinds.asked) or len(said) > 1 or not plain or (bool(said) and kinds.most_silent > 0)
+
+
+def _passed_on(ask: Callable[..., Any], k: int, asked: Comparison, q: Array, gate_px: float) -> Any:
+    """What one of the kinds of number k answers."""
+    return ask(asked.put(asked.observed[k]), q, gate_px)
+
+
+def _answer(one: Evidence, k: int, asked: Comparison, q: Array, gate_px: float) -> tuple[Array, Array, float, float]:
+    """The equations of the kind that has the number k, of a question that is put to all."""
+    found = one.equations(asked.put(asked.observed[k]), q, gate_px)
+    return found.matrix, found.vector, found.squares, found.total
 
 
 def _sharpened(weights: Sequence[float], found: Sequence[Equations], exact_px: Sequence[float]) -> list[float]:

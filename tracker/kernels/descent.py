@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -118,6 +119,21 @@ class Places(NamedTuple):
     """Cosine to the camera under which a place is not seen."""
 
 
+class Asked(NamedTuple):
+    """A kind that is not compiled: it is asked for its equations in every step."""
+
+    weight: float
+    exact_px: float
+    """Both as of `Edges`."""
+
+    ask: Callable[[Any, Array, float], tuple[Array, Array, float, float]]
+    """What it says of a question at a pose (dof,) with a gate, px: J^T W J (dof, dof), J^T W r (dof,), sums of w r^2,
+    px^2, and of w."""
+
+    apart: bool = False
+    """Whether its equations are added as they are: what others leave over does not count."""
+
+
 class Kinds(NamedTuple):
     """The kinds of evidence that a pose is refined on; None for those that do not count."""
 
@@ -126,6 +142,9 @@ class Kinds(NamedTuple):
     places: Places | None = None
     most_silent: float = 0.0
     """Largest weight of a kind that says nothing in this frame."""
+
+    asked: tuple[Asked, ...] = ()
+    """Those that are not compiled."""
 
 
 class Rule(NamedTuple):
@@ -179,6 +198,7 @@ def descend(
     rule: Rule,
     q: Array,
     gates: Array,
+    question: Callable[[Array], Any] | None = None,
 ) -> Reached:
     """Gauss-Newton steps from a pose, with a gate each; at rest with a wide one, only the narrowest is left.
 
@@ -190,6 +210,7 @@ def descend(
         rule: how it is held.
         q: (dof,) where the steps begin, inside the limits.
         gates: (G,) largest distance of a pair in each step, px.
+        question: about a pose (dof,), as it is put to the kinds that are asked; None where there are none.
 
     Raises:
         LinAlgError: the equations are not positive definite.
@@ -198,7 +219,16 @@ def descend(
     found, dof = np.array(q, dtype=np.float64), len(q)
     matrix, vector = np.empty((dof, dof)), np.empty(dof)
     put = placements, first_part, *tracing, hidden
-    squares, total, n_steps = native.descend(model, put, kinds, rule, gates, found, matrix, vector)
+
+    def answers(gate_px: float) -> tuple[tuple[Array, Array, float, float], ...]:
+        """What they say at the pose that the steps have come to."""
+        at = found.copy()
+        asked = None if question is None else question(at)
+        return tuple(one.ask(asked, at, gate_px) for one in kinds.asked)
+
+    weights = tuple((one.weight, one.exact_px, one.apart) for one in kinds.asked)
+    compiled = *kinds[:4], weights, answers
+    squares, total, n_steps = native.descend(model, put, compiled, rule, gates, found, matrix, vector)
     if n_steps < 0:
         raise np.linalg.LinAlgError("the equations of a pose are not positive definite")
     return Reached(found, matrix, vector, squares, total, n_steps)

@@ -119,12 +119,12 @@ class Objective:
         return self._once("equations", q, gate_px, lambda: self._equations(q, gate_px))
 
     def _equations(self, q: Array, gate_px: float) -> Equations:
-        found = self.evidence.equations(self._uncovered(q), q, gate_px)
+        found = self.evidence.equations(self.uncovered(q), q, gate_px)
         # so many px more of root mean square are twice that times it in squares
         usual_px2 = 2 * self.rare_px * np.sqrt(found.squares * found.total)
         return found.pulled(usual_px2 / self.body.spreads**2, q - self.body.rest())
 
-    def _uncovered(self, q: Array) -> Comparison:
+    def uncovered(self, q: Array) -> Comparison:
         """The question about a pose (dof,) without contours that something hid a frame before."""
         hidden, asked = None if self.history is None else self.history.hidden, self.asked
         if hidden is None:
@@ -156,6 +156,10 @@ class Objective:
             return account
         account = replace(account, not_shown=not_shown)
         return account if unseen is None else account.without(not_shown & (unseen >= LONG_FRAMES))
+
+    def kept(self, what: str, find: Callable[[], _Found]) -> _Found:
+        """What was found of the question, of whichever pose, before; else it is found now."""
+        return self._once(what, np.empty(0), 0.0, find)
 
     def _each(self, what: str, poses: Array, find: Callable[[Array], Array]) -> Array:
         """What was found of each of some poses (B, dof) before; else it is found now, of all at once."""

@@ -1,4 +1,4 @@
-"""The refinement of a pose in one compiled call, where every kind of evidence that counts is compiled."""
+"""The refinement of a pose in one compiled call; kinds of evidence that are not compiled are asked in each step."""
 
 from __future__ import annotations
 
@@ -15,9 +15,13 @@ from tracker.tracking.objective import Objective
 def compiled_descent(objective: Objective) -> Callable[[Rule, Array, Array], Reached] | None:
     """Refines a pose (dof,) with gates (G,), see `tracker.kernels.descent.descend`.
 
-    None where a kind of evidence is to be asked for its equations step by step, or where contours are not traced: those
-    of persons' own skins, and of a synthesis that renders pictures.
+    Made once for all starts. None where no kind of evidence that counts is compiled, or where contours are not traced:
+    those of persons' own skins, and of a synthesis that renders pictures.
     """
+    return objective.kept("compiled descent", lambda: _made(objective))
+
+
+def _made(objective: Objective) -> Callable[[Rule, Array, Array], Reached] | None:
     asked, body = objective.asked, objective.body
     trace: Callable[[Scene], Tracing | None] | None = getattr(asked.synthesis, "tracing", None)
     tracing = None if trace is None else trace(asked.scene)
@@ -31,6 +35,7 @@ def compiled_descent(objective: Objective) -> Callable[[Rule, Array, Array], Rea
     placements = asked.placements(asked.scene.persons[asked.person].q[None])[0]
 
     def refine(rule: Rule, q: Array, gates: Array) -> Reached:
-        return descend(model, (placements, asked.own.start, tracing, hidden), kinds, rule, q, gates)
+        stage = placements, asked.own.start, tracing, hidden
+        return descend(model, stage, kinds, rule, q, gates, objective.uncovered)
 
     return refine
