@@ -13,6 +13,7 @@ from doubted import estimate_of
 
 from tracker.bodies.scene import Scene
 from tracker.images.sight import Observation
+from tracker.tracking.doubt import Because, Doubt
 from tracker.tracking.limb_probabilities import FITTED, Known, limb_probabilities, right_by
 
 SCRIPTS = str(Path(__file__).parents[1] / "scripts")
@@ -28,7 +29,8 @@ def drawn(n: int) -> tuple[Known, Any]:
     """Limbs as runs have them, each right as often as the odds say."""
     draw = np.random.default_rng(5)
     left_over, whole = np.abs(draw.normal(0, 0.25, n)), np.abs(draw.normal(0.1, 0.08, n))
-    known = Known(left_over, whole, np.exp(draw.normal(np.log(0.02), 0.5, n)), draw.poisson(0.3, n).astype(float))
+    spread_m, stops, jumped = np.exp(draw.normal(np.log(0.02), 0.5, n)), draw.poisson(0.3, n), draw.random(n) < 0.1
+    known = Known(left_over, whole, spread_m, stops.astype(float), jumped.astype(float))
     return known, draw.random(n) < right_by(FITTED, known)
 
 
@@ -65,6 +67,14 @@ def test_a_worse_image_never_makes_a_limb_more_probable(truth: Scene, observatio
     assert before["left_arm"] < 0.1 < 0.8 < before["right_leg"]
     vague = limb_probabilities(body, replace(right, covariance=0.01 * np.eye(body.dof)))
     assert all(vague[limb] < told[limb] for limb in told)
+
+
+def test_a_jump_makes_its_limb_less_probable_and_no_other_one(truth: Scene, observation: Observation) -> None:
+    body, right = truth.persons[0].body, estimate_of(truth, observation)
+    told = limb_probabilities(body, right)
+    jumped = limb_probabilities(body, right.doubting((Doubt("left_arm", Because.JUMP, 0.3, 0.1),)))
+    assert jumped == told | {"left_arm": jumped["left_arm"]}
+    assert jumped["left_arm"] < told["left_arm"]
 
 
 def test_an_estimation_without_covariance_tells_probabilities_by_what_is_left_over(

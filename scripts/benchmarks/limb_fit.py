@@ -25,11 +25,14 @@ EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.97, 0.99, 1.0)
 
 # Where the fit begins, and how far each number is held near that: log odds as they are, what takes from them as
 # logarithms, so that it stays positive.
-_BEGIN = np.array([4.0, 4.5, 1.0, 0.0, 5.0, 2.5])
-_HELD = np.array([0.0, 1.0, 1.0, 1.0, 0.0, 1.0])
-_SLOPES = np.array([False, True, True, True, False, True])
+_BEGIN = np.array([4.0, 4.5, 1.0, 0.0, 5.0, 2.5, 1.5])
+_HELD = np.array([0.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0])
+_SLOPES = np.array([False, True, True, True, False, True, True])
 
-Row = tuple[str, float, float, float, float, bool, bool]
+_KNOWN = "left_over", "whole", "spread_m", "stops", "jumped"
+"""Columns of the table, in the order of `Known`."""
+
+Row = tuple[str, float, float, float, float, float, bool, bool]
 """Recording, what is known of the limb, whether it is right, and whether the run flags it."""
 
 
@@ -56,8 +59,8 @@ def limbs_of(folders: Sequence[Path], recordings: Mapping[str, Recorded]) -> Lim
             rows += _rows(path, name, recordings[name])
     if not rows:
         raise SequenceError(f"no {FILE} of a recording with a truth below {', '.join(map(str, folders))}")
-    names, left_over, whole, spread_m, stops, right, flagged = map(np.array, zip(*rows, strict=True))
-    return Limbs(names, Known(left_over, whole, spread_m, stops), right, flagged)
+    names, left_over, whole, spread_m, stops, jumped, right, flagged = map(np.array, zip(*rows, strict=True))
+    return Limbs(names, Known(left_over, whole, spread_m, stops, jumped), right, flagged)
 
 
 def _rows(path: Path, name: str, recording: Recorded) -> list[Row]:
@@ -72,9 +75,9 @@ def _rows(path: Path, name: str, recording: Recorded) -> list[Row]:
         curve = curves[row["person"]]
         gaps_mm = np.array([curve[joint][n] for joint in row["joints"].split() if joint in curve])
         if np.isfinite(gaps_mm).any():
-            left_over, whole, spread_m, stops = (float(row[key]) for key in ("left_over", "whole", "spread_m", "stops"))
+            left_over, whole, spread_m, stops, jumped = (float(row[key]) for key in _KNOWN)
             right = bool(np.nanmax(gaps_mm) <= LIMB_MM)
-            rows.append((name, left_over, whole, spread_m, stops, right, row["flagged"] == "1"))
+            rows.append((name, left_over, whole, spread_m, stops, jumped, right, row["flagged"] == "1"))
     return rows
 
 

@@ -13,7 +13,7 @@ from tracker.tracking.limb_probabilities import known_of
 from tracker.tracking.trajectory import Step
 
 FILE = "limbs_known.csv"
-_COLUMNS = "frame", "person", "joints", "left_over", "whole", "spread_m", "stops", "flagged"
+_COLUMNS = "frame", "person", "joints", "left_over", "whole", "spread_m", "stops", "jumped", "flagged"
 
 
 @component

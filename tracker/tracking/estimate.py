@@ -8,7 +8,7 @@ from enum import StrEnum
 
 from tracker.evidence.measures.account import Account
 from tracker.foundation.arrays import Array
-from tracker.tracking.doubt import Doubt
+from tracker.tracking.doubt import Because, Doubt
 
 
 class Status(StrEnum):
@@ -97,6 +97,10 @@ class Estimate:
     def reasons(self) -> tuple[Doubt, ...]:
         """The doubts that users are told in a line: of who is lost what has lost him, else all."""
         return self.doubts[:1] if self.lost else self.doubts
+
+    def because(self, limb: str) -> set[Because]:
+        """The reasons for which a limb is doubted."""
+        return {doubt.because for doubt in self.doubts if doubt.limb == limb}
 
     @property
     def limbs_in_doubt(self) -> tuple[str, ...]:

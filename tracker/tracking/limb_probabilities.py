@@ -10,6 +10,7 @@ from tracker.bodies.body import BodyModel
 from tracker.bodies.limbs import smallness
 from tracker.evidence.measures.account import Account
 from tracker.foundation.arrays import Array, Mask
+from tracker.tracking.doubt import Because
 from tracker.tracking.estimate import Estimate
 
 _KNOWN_M, _LEAST_SPREAD_M = 0.03, 0.003
@@ -47,9 +48,21 @@ class Odds(NamedTuple):
     limb_left_over: float
     """What the share that the limb leaves over takes from them."""
 
+    limb_jump: float
+    """What a jump to or from where the limb is takes from them."""
 
-# Fitted by scripts/fit_doubt.py to 17 804 limbs, 735 of them 150 mm off. See docs/lab/probability_of_limbs.md.
-FITTED = Odds(whole=4.45, whole_left_over=87.4, whole_vague=3.78, whole_stops=1.38, limb=10.6, limb_left_over=22.2)
+
+# Fitted by scripts/fit_doubt.py to 17 804 limbs, 735 of them 150 mm off; the jump to 6112 others, 725 of them off. See
+# docs/lab/probability_of_limbs.md and docs/lab/path_of_limbs.md.
+FITTED = Odds(
+    whole=4.45,
+    whole_left_over=87.4,
+    whole_vague=3.78,
+    whole_stops=1.38,
+    limb=10.6,
+    limb_left_over=22.2,
+    limb_jump=6.0,
+)
 
 
 class Known(NamedTuple):
@@ -67,6 +80,9 @@ class Known(NamedTuple):
     stops: Array
     """Angles of the limb, and of trunk and head, that are at a limit: who leans on joints is seldom there."""
 
+    jumped: Array
+    """1 where the limb jumps to another place or from one, see `tracker.tracking.jumps`, else 0."""
+
 
 def known_of(body: BodyModel, estimate: Estimate) -> Known:
     """What is known of the limbs of a body, in the order of `body.limbs`; spreads are those of a person's size."""
@@ -78,7 +94,8 @@ def known_of(body: BodyModel, estimate: Estimate) -> Known:
     stops = at_limits(body, estimate.q)
     trunk = np.setdiff1d(np.arange(body.dof), [column for limb in body.limbs for column in body.group(limb)])
     n_stops = [int(stops[body.group(limb)].sum() + stops[trunk].sum()) for limb in body.limbs]
-    return Known(np.array([left_over[limb] for limb in body.limbs]), whole, found, np.array(n_stops))
+    jumped = np.array([Because.JUMP in estimate.because(limb) for limb in body.limbs], dtype=np.float64)
+    return Known(np.array([left_over[limb] for limb in body.limbs]), whole, found, np.array(n_stops), jumped)
 
 
 def at_limits(body: BodyModel, q: Array) -> Mask:
@@ -94,7 +111,8 @@ def right_by(odds: Odds, known: Known) -> Array:
     vague = np.nan_to_num(np.log(np.maximum(known.spread_m, _LEAST_SPREAD_M) / _KNOWN_M))
     whole = odds.whole - odds.whole_left_over * known.whole_left_over**2 - odds.whole_vague * vague
     whole -= odds.whole_stops * known.stops
-    right: Array = _sigmoid(whole) * _sigmoid(odds.limb - odds.limb_left_over * known.left_over)
+    limb = odds.limb - odds.limb_left_over * known.left_over - odds.limb_jump * known.jumped
+    right: Array = _sigmoid(whole) * _sigmoid(limb)
     return right
 
 
