@@ -67,7 +67,7 @@ def test_who_stays_before_plates_is_told_by_colours_and_by_the_foreground(simula
     assert EVIDENCE.observe(Sight(replace(frame, masks=masks), plates), contours).by is EVIDENCE.with_plates
     assert EVIDENCE.told(plates) == (
         "contours, foreground where nobody stays, colours and motion of the parts, 4 of 4 views have plates or masks, "
-        "made of what the recording shows most of the time"
+        "which the recording itself has made"
     )
 
 

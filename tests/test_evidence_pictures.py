@@ -166,7 +166,7 @@ def test_a_frame_is_seen_as_the_run_saw_it(tracked: Path, tmp_path: Path) -> Non
     assert (one.frame, one.differs) == (2, "")
     assert titles(one) == [
         *("edges", "accepted edges", "chamfer image", "foreground", "colours of the nearest part"),
-        "places followed, and where the pose carries them",
+        "places followed, and their positions by the pose",
     ]
     assert set(one.probabilities) == {"left_arm", "right_arm", "left_leg", "right_leg"}
     # frame 2 was predicted from the two before: near what was found, and not the same
@@ -218,7 +218,7 @@ def test_the_command_writes_a_picture_a_view_and_replaces_none_unasked(tracked: 
     [
         (["--frame", "7"], "no frame 7, the nearest is 2"),
         (["--frame", "1", "--view", "nort"], 'no view is called "nort"'),
-        (["--frame", "1", "--person", "anna"], 'nobody is called "anna"; valid: person1'),
+        (["--frame", "1", "--person", "anna"], 'no person is called "anna"; valid: person1'),
         ([], "expected a result and a frame"),
         (["--frame", "1", "--schema"], "expected a result and a frame"),
     ],

@@ -1,7 +1,7 @@
-"""Evidence: what the images say, how well a pose explains it, and where to move next.
+"""Evidence: compares the images with a pose, and shows where to move the pose.
 
-A file is one kind of evidence, a component; `measures` has what they share, `similarity` the distances of contours.
-It imports `synthesis`, `images`, `bodies` and what lies below, and `points` in the one evidence of that name.
+Each file is one kind of evidence, a component; `measures` has their common parts, `similarity` the distances of
+contours. It imports `synthesis`, `images`, `bodies` and the rooms below, and `points` in the one evidence of that name.
 """
 
 from __future__ import annotations
@@ -20,86 +20,85 @@ from tracker.images.sight import Sight
 from tracker.kernels.descent import Kinds
 
 Observed = Any
-"""What one kind of evidence has observed in a frame: its own frozen value, which only it looks into."""
+"""Observation of one kind of evidence in a frame: its own frozen value, which only that kind reads."""
 
 Memory = Any
-"""What one kind of evidence has learned from the frames so far: its own frozen value; None at the start."""
+"""Knowledge of one kind of evidence from the frames so far: its own frozen value; None at the start."""
 
 GUESSED: Memory = object()
-"""In place of a memory where the pose expected is one of several guesses: it must not teach what would confirm it."""
+"""Replaces a memory if the expected pose is one of several guesses: it must not teach its own confirmation."""
 
 
 class EvidencePicture(NamedTuple):
-    """What one kind of evidence saw in a view of a frame, drawn by itself."""
+    """Picture of one kind of evidence in a view of a frame."""
 
     title: str
-    """What is shown; or which evidence has no picture, and why."""
+    """Its title; or which evidence has no picture, and why."""
 
     picture: Image | None
-    """(H, W, 3) BGR, as large as the view's image; None where there is nothing to draw."""
+    """(H, W, 3) BGR, as large as the view's image; None without a picture."""
 
 
 @runtime_checkable
 class Evidence(Protocol):
-    """A component that answers for one kind of evidence. Search and refinement know none of them by name.
+    """A component for one kind of evidence. Search and refinement know no kind by name.
 
-    One pose has one number: what `distances` ranks by is what `account` reports. Components derive from this class
-    and inherit the optional methods, `check`, `told`, `takes_part_plates`, `look`, `learned`, `observe_again`, `kinds`
-    and `pictures`.
+    A pose has one number: `distances` and `account` agree. Components derive from this class and inherit the optional
+    methods, `check`, `told`, `takes_part_plates`, `look`, `learned`, `observe_again`, `kinds` and `pictures`.
     """
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Observed:
-        """Looks at a frame.
+        """Observes a frame.
 
         Args:
-            sight: the images, and the clean plates where there are some; missing views are None.
-            expected: contours of the prediction (several poses where there are several candidates); None to look
+            sight: the images, and the clean plates if there are some; missing views are None.
+            expected: contours of the prediction (several poses if there are several candidates); None to search
                 everywhere and accept everything.
-            memory: what was learned up to the frame before; `GUESSED` where the pose expected is but a guess.
+            memory: knowledge up to the frame before; `GUESSED` if the expected pose is only a guess.
 
         Returns:
-            What `asked.observed` is in the questions that follow.
+            Value of `asked.observed` in later questions.
         """
         ...
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
-        """How far each pose (B, dof) is from what was observed: (B,) px, lower is better; what a search ranks by."""
+        """Distance of each pose (B, dof) from the observation: (B,) px, lower is better; a search ranks by it."""
         ...
 
     def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
-        """What a refinement minimizes, linearized at a pose.
+        """Equations of a refinement, linearized at a pose.
 
         Args:
-            asked: person, scene and what was observed.
+            asked: person, scene and observation.
             q: (dof,) rad and m.
-            gate_px: how far from the model the images are believed, px.
+            gate_px: distance from the model up to which the images count, px.
         """
         ...
 
     def account(self, asked: Comparison, q: Array) -> Account:
-        """How well a pose (dof,) explains what was observed; its distance is the one that `distances` gives."""
+        """Explanation of the observation by a pose (dof,); its distance is that of `distances`."""
         ...
 
     def observe_again(self, asked: Comparison, q: Array) -> Observed:
-        """What is observed if a person is known to be about a pose (dof,); by default what was observed before.
+        """Observation if a person is known to be near a pose (dof,); by default the earlier one.
 
-        Segmentation and pose estimation are alternated by it: a contour found with the pose last found as its prior.
+        It alternates segmentation and pose estimation: the last pose found is the prior of the next contour.
         """
         return asked.observed
 
     def kinds(self, asked: Comparison) -> Kinds | None:
-        """What a compiled refinement computes of its `equations` by itself; by default None: it is asked in each step.
+        """Compiled form of its `equations`; by default None: a refinement calls `equations` in each step.
 
         Args:
-            asked: person, scene and what was observed.
+            asked: person, scene and observation.
         """
         return None
 
     def check(self, scene: Scene) -> None:
-        """Refuses files of its own that cannot be used, before the first frame; by default there are none.
+        """Refuses unusable files of its own before the first frame; by default there are none.
 
         Raises:
-            ConfigError: what is wrong with them.
+            ConfigError: describes the fault.
         """
         return
 
@@ -108,15 +107,15 @@ class Evidence(Protocol):
         return False
 
     def told(self, known: Sequence[object | None]) -> str:
-        """In one line what it goes by, if that depends on the recording; by default nothing.
+        """One line about its choice, if that depends on the recording; by default empty.
 
         Args:
-            known: what is known of each view without persons, a plate or that there are masks; None for neither.
+            known: for each view without persons a plate, or that there are masks; None for neither.
         """
         return ""
 
     def look(self, sight: Sight, around: Contours) -> None:
-        """Does ahead what needs no exact prediction, and leaves it in the sight; by default nothing.
+        """Computes in advance what needs no exact prediction, and leaves it in the sight; by default nothing.
 
         Args:
             sight: the frame to come.
@@ -125,23 +124,23 @@ class Evidence(Protocol):
         return
 
     def learned(self, memory: Memory, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask) -> Memory:
-        """What is known after a frame; by default what was known before it.
+        """Knowledge after a frame; by default the earlier one.
 
         Args:
-            memory: what was known before the frame.
+            memory: knowledge before the frame.
             sight: the frame.
             scene: all persons at their estimated poses.
             fitted: their contours.
-            trusted: (V, P) parts of the scene that can be learned from in a view.
+            trusted: (V, P) parts of the scene that may teach in a view.
         """
         return memory
 
     def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
-        """What it saw in a view of a frame, to be looked at; by default it says that it draws nothing.
+        """Its picture of a view of a frame; by default it says that there is none.
 
         Args:
-            asked: the person at the pose found, and what was observed.
-            sight: the frame that was observed.
+            asked: the person at the pose found, and the observation.
+            sight: the observed frame.
             view: number of a view that has an image.
         """
         return (EvidencePicture(f"{component_name(type(self))}: draws no picture", None),)

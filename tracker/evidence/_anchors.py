@@ -1,4 +1,4 @@
-"""Places on the persons that are followed from image to image: where they were attached, and where they are shown."""
+"""Places on the persons that are followed from image to image, with their attachments and positions."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _GRID = 7, 10
 """Latitudes and longitudes of the surfaces."""
 
 _GROWN = 1.02
-"""Chords lie inside, by this at most between ten longitudes."""
+"""Chords between ten longitudes lie inside the surface, by at most this."""
 
 
 @dataclass(frozen=True)
 class Shown:
-    """What a view shows of the scene's parts, in the box around them."""
+    """Parts of the scene in a view, in the box around them."""
 
     corner: Integers
     """(2,) x and y of the box's first pixel."""
@@ -44,7 +44,7 @@ class Shown:
         return found
 
     def inner(self, margin_px: int, trusted: Mask) -> Mask:
-        """(H, W) pixels of trusted parts with nothing but the same part so far around."""
+        """(H, W) pixels of trusted parts surrounded by the same part."""
         window = np.ones((2 * margin_px + 1,) * 2, dtype=np.uint8)
         same = cv2.erode(self.parts, window) == cv2.dilate(self.parts, window)
         inner: Mask = np.append(trusted, False)[self.parts] & same
@@ -52,13 +52,13 @@ class Shown:
 
 
 def seen_parts(scene: Scene, view: int) -> Shown:
-    """Which part of the scene a view shows where, from a depth buffer of coarse surfaces.
+    """The part of the scene at each pixel of a view, from a depth buffer of coarse surfaces.
 
-    For 0.2 ms a view, as hulls of visible contours took; of what they said 2 % was wrong, 10 % at worst, and they had
-    nothing of a chest whose outline two arms hide. Pixels at boundaries of parts are not to be asked about.
+    It takes 0.2 ms a view, as hulls of visible contours did; of their answers 2 % were wrong, 10 % at worst, and they
+    had none on a chest whose outline two arms hide. Pixels at boundaries of parts are unreliable.
 
     Args:
-        scene: persons at their poses; those with a skin by the parts that stand for it.
+        scene: persons at their poses; those with a skin by their parts.
         view: number of the view.
     """
     camera, meshes = scene.rig.cameras[view], meshes_of(scene.shapes, *_GRID)
@@ -80,18 +80,18 @@ def seen_parts(scene: Scene, view: int) -> Shown:
 Grey = NDArray[np.uint8]
 
 _TO_AND_FRO_PX = 0.7
-"""What is followed there and back comes back to where it was, px; else it is another place."""
+"""Largest error of a place followed there and back, px; beyond, it is another place."""
 
-# Two levels, 11 px and what is 22 px of the image: wider windows look across an arm, and points on it went with the
-# trunk behind it (one start: 15.6 mm with four levels, 14.2 with two). See docs/lab/motion.md.
+# Two levels, 11 px and 22 px of the image: wider windows reach across an arm, and points on it went with the trunk
+# behind it (one start: 15.6 mm with four levels, 14.2 with two). See docs/lab/motion.md.
 _LEVELS = 1
 _ROUNDS = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 20, 0.02)
 
 _STILL_PX = 1.0
-"""What is no farther from where it was first stands still, px."""
+"""A place no farther from its first position stands still, px."""
 
 _CORNERS = 200
-"""Most places taken on in a view at a time."""
+"""Most new places in a view at a time."""
 
 _TEXTURE = 0.01
 """Least share of the best corner's texture (Shi & Tomasi 1994)."""
@@ -102,10 +102,10 @@ class Anchors:
     """N places; a frozen value."""
 
     views: Integers
-    """(N,) whose images show them."""
+    """(N,) views whose images show them."""
 
     parts: Integers
-    """(N,) parts of the scene that carry them; -1 for what stands still before the persons, and carries nothing."""
+    """(N,) parts of the scene that carry them; -1 for places that stand still before the persons."""
 
     surface: Array
     """(N, 9) place, metres, normal and the ray by which it was found, in the part's frame: see
@@ -115,19 +115,19 @@ class Anchors:
     """(N,) standard deviation of the place along that ray, metres."""
 
     pixels: Array
-    """(N, 2) where the last image showed them."""
+    """(N, 2) positions in the last image."""
 
     origins: Array
-    """(N, 2) where they were first."""
+    """(N, 2) first positions."""
 
     variances: Array
     """(N,) of `pixels`, px^2."""
 
     ahead: Array
-    """(N, 2) how far their parts moved them in the last frame, px."""
+    """(N, 2) movement of their parts in the last frame, px."""
 
     strikes: Integers
-    """(N,) frames on end in which they disagreed with their parts."""
+    """(N,) consecutive frames in which they disagreed with their parts."""
 
     @staticmethod
     def none() -> Anchors:
@@ -150,13 +150,13 @@ class Anchors:
 
     @property
     def standing(self) -> Mask:
-        """(N,) places where they were first."""
+        """(N,) places still at their first positions."""
         found: Mask = np.linalg.norm(self.pixels - self.origins, axis=1) < _STILL_PX
         return found
 
     @cached_property
     def carried(self) -> Carried:
-        """As compiled kernels take them."""
+        """Their form for compiled kernels."""
         place, normal, ray = (
             np.ascontiguousarray(self.surface[:, k : k + 3])
             for k in (MetPlaceRow.X, MetPlaceRow.NORMAL_X, MetPlaceRow.RAY_X)
@@ -171,20 +171,21 @@ class Anchors:
         return found
 
     def shares(self, most: float) -> Array:
-        """(N,) what each counts, so that those of a part in a view count as no more than `most`."""
+        """(N,) weights, so that those of a part in a view count as no more than `most`."""
         groups = self.parts * (int(self.views.max(initial=0)) + 1) + self.views
         shares: Array = np.minimum(1.0, most / np.bincount(groups)[groups]) if len(groups) else np.zeros(0)
         return shares
 
     def followed(self, view: int, before: Grey, now: Grey, window_px: int, drift_px: float) -> Anchors:
-        """Those of a view in its next image; without those that it does not show or that are mistaken for others.
+        """The places of a view in its next image; without hidden or mistaken ones.
 
-        By Lucas and Kanade's method in a pyramid, there and back, from where their parts would go on to (Bouguet 2001).
+        By Lucas and Kanade's method in a pyramid, there and back, from the positions that their parts predict (Bouguet
+        2001).
 
         Args:
             view: number of the view.
             before, now: (H, W) images.
-            window_px: side of what is compared, px.
+            window_px: side of the compared window, px.
             drift_px: standard deviation of one step, px.
         """
         own = self.chosen(self.views == view)
@@ -214,7 +215,7 @@ def corners(image: Grey, where: Mask, corner: Integers, taken: Array, spacing_px
 
     Args:
         image: the whole one.
-        where: (H, W) where they may lie, in a box of it.
+        where: (H, W) allowed pixels, in a box of it.
         corner: (2,) x and y of the box's first pixel.
         taken: (M, 2) the others, px.
         spacing_px: least distance.
@@ -236,13 +237,13 @@ def corners(image: Grey, where: Mask, corner: Integers, taken: Array, spacing_px
 def attached(
     scene: Scene, view: int, pixels: Array, parts: Integers, facing: float, sigmas: tuple[float, float]
 ) -> Anchors:
-    """Places on parts where the rays of pixels meet them; without those that do not, or on a slope.
+    """Places on parts where the rays of pixels meet them, except beside them and on slopes.
 
     Args:
         scene: persons at their poses.
         view: number of the view.
         pixels: (N, 2) of its image.
-        parts: (N,) what it shows there.
+        parts: (N,) parts seen there.
         facing: least cosine between normal and ray.
         sigmas: standard deviations of the surface along its normal, metres, and of a pixel, px.
     """

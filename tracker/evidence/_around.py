@@ -1,4 +1,4 @@
-"""What is seen around the model in a view made smaller: what level sets work on."""
+"""The surroundings of the model in a view made smaller, for level sets."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ Channels = Literal["appearance", "colours", "tensor"]
 
 @dataclass(frozen=True)
 class Reach:
-    """What is looked at of a view."""
+    """Region of a view to examine."""
 
     around_px: float
-    """How far outside of the model's outline a region may reach, px of the image."""
+    """Reach of a region outside of the model's outline, px of the image."""
 
     factor: int
-    """How many pixels of the image one of the small picture is, along each side."""
+    """Pixels of the image for one of the small picture, along each side."""
 
     channels: Channels
-    """What is looked at of a pixel."""
+    """Features of a pixel."""
 
 
 @dataclass(frozen=True)
 class Around:
-    """The model in a view made smaller, and what is seen there."""
+    """The model in a view made smaller, and the image there."""
 
     region: Region
     """Of the image, px; a whole number of small pixels."""
@@ -60,7 +60,7 @@ class Around:
     """(h, w) where a region may be."""
 
     def taught(self, inside: Mask) -> Densities | None:
-        """Densities inside of a region (h, w) and beside it; None where either is too small."""
+        """Densities inside of a region (h, w) and beside it; None if either is too small."""
         return densities(self.codes, inside, self.near & ~inside)
 
     def cut(self, mask: Mask) -> Mask:
@@ -76,7 +76,7 @@ class Around:
 
 
 def around(sight: Sight, v: int, silhouette: Mask, reach: Reach) -> Around | None:
-    """What is seen around a silhouette (H, W); None where image or silhouette are missing."""
+    """The surroundings of a silhouette (H, W); None if image or silhouette are missing."""
     image = sight.frame.images[v]
     if image is None or not silhouette.any():
         return None
@@ -89,9 +89,9 @@ def around(sight: Sight, v: int, silhouette: Mask, reach: Reach) -> Around | Non
 
 
 def _cut(mask: Mask, region: Region, factor: int) -> Mask:
-    """(h, w) small pixels of a region of which a mask covers half or more.
+    """(h, w) small pixels of which half or more is in a mask.
 
-    One pixel in the corner of each, taken for all of it, put outlines half a small pixel down and to the right.
+    Taking the pixel in the corner for all of them put outlines half a small pixel down and to the right.
     """
     x, y, width, height = region
     shares = np.empty((height // factor, width // factor), dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Tables of followed points beside the views: those of a view's image, or one in space."""
+"""Tables of followed points: of a view's image, or in space."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class Followed:
     """One table."""
 
     view: int
-    """Number of the view whose image the points lie in; -1 in space."""
+    """Number of the view of the points' image; -1 in space."""
 
     trajectories: PointTable
 
     def at(self, frame: int) -> tuple[Integers, Array, Array]:
-        """Numbers (N,) of the points that a frame shows, their places (N, D) and covariances (N, D, D), m or px."""
+        """Numbers (N,) of the points in a frame, their positions (N, D) and covariances (N, D, D), m or px."""
         t = frame - int(self.trajectories.frames[0])
         if not 0 <= t < len(self.trajectories.frames):
             n_axes = self.trajectories.positions.shape[2]
@@ -35,12 +35,12 @@ class Followed:
 
 
 def open_followed(pattern: str, views: tuple[str, ...], downscales: tuple[float, ...]) -> tuple[Followed, ...]:
-    """The tables that a path means, read once as long as they stay as they are.
+    """The tables of a path, read once as long as they do not change.
 
     Args:
         pattern: a table or a result folder of `bodytrack follow`; with `{view}` one for each view that has one.
         views: names of the cameras.
-        downscales: one a view, how much larger the images were that points were followed in.
+        downscales: one a view, size of the images in which points were followed, over that of these.
 
     Raises:
         SequenceError: there is none, or points of an image without a view.
@@ -75,29 +75,29 @@ def _opened(
 
 
 def _scaled(view: int, found: PointTable, downscale: float) -> Followed:
-    """Pixels as they are in the images that are tracked; pixel centres lie at integer coordinates."""
+    """Pixels in the tracked images; pixel centres lie at integer coordinates."""
     if not found.flat or downscale == 1:
         return Followed(view, found)
     places = (found.positions + 0.5) / downscale - 0.5
     return Followed(view, replace(found, positions=places, covariances=found.covariances / downscale**2))
 
 
-# Of a ray through the sphere around a part; between two of them the crossing is halved so often.
+# Steps of a ray through the sphere around a part; bisections of the crossing between two of them.
 _STEPS, _HALVINGS = 40, 10
 
 
 @dataclass(frozen=True)
 class Attachments:
-    """N times that a followed point was attached to a part of the scene's persons; a frozen value."""
+    """N attachments of followed points to parts of the scene's persons; a frozen value."""
 
     table: Integers
-    """(N,) number of the table that a point is in."""
+    """(N,) number of the point's table."""
 
     point: Integers
     """(N,) its number there."""
 
     part: Integers
-    """(N,) part of the scene that carries it; -1 since it was dropped."""
+    """(N,) part of the scene that carries it; -1 if it was dropped."""
 
     place: Array
     """(N, 3) in the part's frame, metres."""
@@ -106,7 +106,7 @@ class Attachments:
     """(N, 3, 3) of the place, square metres."""
 
     strikes: Integers
-    """(N,) frames on end in which it disagreed with its part."""
+    """(N,) consecutive frames in which it disagreed with its part."""
 
     @staticmethod
     def none() -> Attachments:
@@ -130,15 +130,15 @@ class Attachments:
         return Attachments(**{name: getattr(self, name)[which] for name in self.__dataclass_fields__})
 
     def judged(self, seen: Mask, disagree: Mask, patience: int) -> tuple[Attachments, Mask]:
-        """After a frame: points that have disagreed `patience` frames on end are dropped.
+        """The attachments after a frame: points that disagreed in `patience` consecutive frames are dropped.
 
         Args:
-            seen: (N,) points that the frame shows on parts that can be trusted.
-            disagree: (N,) those that are not where their part is.
+            seen: (N,) points that the frame shows on trusted parts.
+            disagree: (N,) those that are away from their part.
             patience: frames.
 
         Returns:
-            The attachments, and (N,) which were dropped.
+            The attachments, and (N,) the dropped ones.
         """
         strikes = np.where(seen, np.where(disagree, self.strikes + 1, 0), self.strikes)
         dropped: Mask = (self.part >= 0) & (strikes >= patience)
@@ -148,23 +148,23 @@ class Attachments:
 
 @dataclass(frozen=True)
 class Met:
-    """Where N rays meet a body."""
+    """Points where N rays meet a body."""
 
     part: Integers
-    """(N,) -1 where they do not."""
+    """(N,) -1 for rays that miss it."""
 
     point: Array
     """(N, 3) in the part's frame, metres."""
 
     facing: Array
-    """(N,) cosine between surface normal and the way back along the ray: 0 at the contour."""
+    """(N,) cosine between surface normal and the direction back along the ray: 0 at the contour."""
 
 
 def met_by_rays(centre: Array, rays: Array, placements: Array, shapes: Array) -> Met:
     """The nearest crossing of each ray with the parts' surfaces.
 
     Args:
-        centre: (3,) where the rays start, metres.
+        centre: (3,) origin of the rays, metres.
         rays: (N, 3) unit vectors.
         placements: (P, 4, 4) of the parts in the world.
         shapes: (P, 7) packed superquadrics.
@@ -207,11 +207,12 @@ def _crossing(shape: Array, start: Array, along: Array, middle: Array, radius: f
 
 
 def ray_covariances(along: Array, facing: Array, lateral_m: Array, surface_m: float) -> Array:
-    """(N, 3, 3) of places found by rays: how precise the pixel is across them, and the surface along them.
+    """(N, 3, 3) covariances of places found by rays: from the pixel across them, and the surface along them.
 
     Args:
-        along: (N, 3) unit directions of the rays, in the frame that the covariances are wanted in.
-        facing: (N,) cosine between ray and surface normal.
+        along: (N, 3) unit directions of the rays, in the frame of the covariances.
+        facing: (N,) cosine between ray and
+            surface normal.
         lateral_m: (N,) standard deviation across the ray, metres.
         surface_m: standard deviation of the surface along its normal, metres.
     """

@@ -1,4 +1,4 @@
-"""What has departed in a frame and poses have to cover, and what of it they leave bare."""
+"""Departures in a frame that poses have to cover, and the part that they leave bare."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ class SmallPictures:
     """Two pictures of each of V views, all views end to end."""
 
     factor: int
-    """How many pixels of an image one of the small pictures stands for, along each side."""
+    """Pixels of an image for one of the small pictures, along each side."""
 
     regions: Integers
-    """(V, 3) start in `pictures`, width and height; width 0 where there is none."""
+    """(V, 3) start in `pictures`, width and height; width 0 without a picture."""
 
     pictures: Array32
-    """(N, 2) what is summed of a pixel that is covered, 0 to 1."""
+    """(N, 2) values summed over covered pixels, 0 to 1."""
 
     _still: dict[bytes, tuple[Mask, Array]] = field(init=False, default_factory=dict, repr=False)
-    """What parts that stand still cover, for the last batch of poses: the next one of a search has the same ones."""
+    """Cover of parts that stand still in the last batch of poses: the next batch of a search has the same ones."""
 
     def covered_by(self, asked: Comparison, poses: Array) -> Array:
         """(B, V, 2) sums of the two pictures over what poses (B, dof) cover."""
@@ -73,14 +73,14 @@ def _grids(shapes: bytes) -> Array32:
     return frozen(grids, np.float32)
 
 
-# Images made smaller, in which places are compared with what was seen there before, and persons made as small.
+# Images made smaller, in which places are compared with earlier images, and the persons' masks.
 
 _SMALL_PX = 180
-"""The longer side of the largest image is brought to about this: a forearm is 5 px wide, and noise is a quarter."""
+"""Longer side of the largest small image: a forearm is 5 px wide, and noise is a quarter."""
 
 
 def reduction(rig: Rig) -> int:
-    """How many pixels of an image, along each side, one of the small picture stands for, in all views."""
+    """Pixels of an image, along each side, for one of the small picture, in all views."""
     return max(1, *(round(max(camera.size) / _SMALL_PX) for camera in rig.cameras))
 
 
@@ -92,7 +92,7 @@ def reduced(sight: Sight, v: int, image: Image, factor: int) -> Image:
 
 
 def reduced_silhouettes(scene: Scene, factor: int) -> tuple[Mask, ...]:
-    """(h, w) what the persons cover of the small pictures."""
+    """(h, w) cover of the persons in the small pictures."""
     return CpuSynthesis().silhouettes(replace(scene, rig=scene.rig.downscaled(factor)))
 
 
@@ -105,13 +105,13 @@ def _resized(image: Image, factor: int, region: Region) -> tuple[Region, Image]:
 
 @dataclass(frozen=True, eq=False)
 class Bare(SmallPictures):
-    """What poses have to cover in small pictures of all V views.
+    """Departures that poses have to cover, in small pictures of all V views.
 
-    Of the two pictures one is what has departed, the other the same with what stays.
+    One of the two pictures has the departures, the other the same with staying places.
     """
 
     masks: tuple[Mask | None, ...]
-    """(h, w) what has departed; None where nothing is known."""
+    """(h, w) departures; None if unknown."""
 
     missing: Mask
     """(V,) views without an image."""
@@ -127,29 +127,29 @@ class Bare(SmallPictures):
 
 @dataclass(frozen=True)
 class AtStart:
-    """What is observed in a first frame: a scene at the start poses teaches it, as it does colours."""
+    """Observation in a first frame: a scene at the start poses teaches it, as it teaches colours."""
 
     begun: Callable[[Scene], Bare]
     _found: list[Bare] = field(default_factory=list, repr=False, compare=False)
 
     def of(self, scene: Scene) -> Bare:
-        """What is observed if the persons of a scene are about where they are."""
+        """Observation if the persons of a scene are about where they are."""
         if not self._found:
             self._found.append(self.begun(scene))
         return self._found[0]
 
 
 def begun_at(asked: Comparison) -> Comparison:
-    """The question with what was observed known, in a first frame as well."""
+    """The question with the observation known, in a first frame as well."""
     return asked.put(asked.observed.of(asked.scene)) if isinstance(asked.observed, AtStart) else asked
 
 
 def bare_in(views: Sequence[tuple[Mask | None, Mask | None]], factor: int, missing: Mask) -> Bare:
-    """What poses have to cover, made ready to be compared.
+    """Departures for poses to cover, prepared for comparison.
 
     Args:
-        views: (h, w) what has departed, and what stays, of each view; None where nothing is known.
-        factor: how many pixels of an image one of these masks stands for, along each side.
+        views: (h, w) departures, and staying places, of each view; None if unknown.
+        factor: pixels of an image for one of these masks, along each side.
         missing: (V,) views without an image.
     """
     pictures, regions, start = [np.zeros((0, 2), dtype=np.float32)], [], 0
@@ -165,7 +165,7 @@ def bare_in(views: Sequence[tuple[Mask | None, Mask | None]], factor: int, missi
 
 
 def covered_by_skins(asked: Comparison, poses: Array) -> Array:
-    """(B, V) sums of what is bare over what poses (B, dof) cover of it with their own surface."""
+    """(B, V) sums that poses (B, dof) leave bare, covering with their own surface."""
     seen: Bare = asked.observed
     covered = np.zeros((len(poses), len(seen.masks)))
     rig = asked.scene.rig.downscaled(seen.factor)
@@ -178,9 +178,9 @@ def covered_by_skins(asked: Comparison, poses: Array) -> Array:
 
 
 def missed_by_limbs(asked: Comparison, q: Array) -> Array:
-    """(P,) outline of what a pose (dof,) leaves bare by all limbs that reach it in the image, px.
+    """(P,) outline that a pose (dof,) leaves bare, by all limbs that reach it in the image, px.
 
-    Of two hands nobody can tell which one it is, and one that is lost is often not the nearest.
+    It may be either of two hands, and a lost hand is often not the nearest.
     """
     body, seen = asked.body, asked.observed
     missed = np.zeros(len(body.parts))
@@ -210,7 +210,7 @@ def missed_by_limbs(asked: Comparison, q: Array) -> Array:
 
 
 def _core(mask: Mask) -> Array32:
-    """(h, w) worth of covering each pixel, 0 to 1: the rim is that of clothes, which the parts of a model are not."""
+    """(h, w) worth of covering each pixel, 0 to 1: the rim belongs to clothes, which a model's parts lack."""
     inwards = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 3)
     worth: Array32 = np.clip((inwards - 0.5) / 1.5, 0, 1).astype(np.float32)
     return worth

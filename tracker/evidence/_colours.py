@@ -1,4 +1,4 @@
-"""What region evidence remembers: the colours inside and outside of every part, in every view."""
+"""Memory of region evidence: the colours inside and outside of every part, in every view."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from tracker.kernels.regions import (
 
 @dataclass(frozen=True)
 class Levels:
-    """From when on colours count as changed, or as somebody's."""
+    """Limits from which colours count as changed, or as a person's."""
 
     changed: float
     """Least change in a channel against the background, grey levels."""
@@ -39,15 +39,15 @@ class Levels:
     """Most change in a channel against the frame before, grey levels."""
 
     odds: float
-    """By what factor a colour must be more frequent in the person than beside it, its logarithm."""
+    """Least logarithm of the odds of a colour in the person against the surroundings."""
 
 
 @dataclass(frozen=True)
 class KnownView:
-    """What is known of one view: what was seen where the person was not, and how the person looks."""
+    """Knowledge of one view: the background where the person was not, and the person's colours."""
 
     factor: int
-    """How many pixels of an image, along each side, one of the small picture stands for; the same in all views."""
+    """Pixels of an image, along each side, for one of the small picture; the same in all views."""
 
     picture: Array32
     """(h, w, 3) BGR of the small picture."""
@@ -62,7 +62,7 @@ class KnownView:
     """(h, w) distance to the person, px of the image."""
 
     looks: Densities | None
-    """Colours of the person and of what is beside it."""
+    """Colours of the person and of the surroundings."""
 
     last: Array32
     """(h, w, 3) the small picture of the frame before."""
@@ -71,25 +71,26 @@ class KnownView:
     """(h, w) pixels of it that showed the person."""
 
     strangers: Mask
-    """(h, w) pixels of it that showed somebody who is not in the model."""
+    """(h, w) pixels of it that showed another person."""
 
     def changed(self, small: Image, levels: Levels) -> Mask:
-        """(h, w) pixels that are not what was seen there without the person."""
+        """(h, w) pixels that differ from the known background."""
         change = np.abs(small - self.picture).max(axis=2)
         found: Mask = self.known & (change > levels.changed)
         return found
 
     def like_person(self, small: Image, levels: Levels) -> Mask:
-        """(h, w) pixels in colours that the person has and what is beside it has not."""
+        """(h, w) pixels in colours that the person has and the surroundings lack."""
         if self.looks is None:
             return np.zeros_like(self.known)
         found: Mask = self.looks.log_odds((colour_codes(small),)) > levels.odds
         return found
 
     def of_person(self, small: Image, levels: Levels) -> Mask:
-        """(h, w) pixels in colours of the person, judged by what is known to be behind them where that is known.
+        """(h, w) pixels in colours of the person, judged against the known background behind them.
 
-        A hand is as brown as wood beside her. Where the wood was seen it is the wood in other light or it is not.
+        A hand is as brown as wood beside it. Where the wood was seen, the pixel is the wood in other light or it is
+        not.
         """
         if self.looks is None:
             return np.zeros_like(self.known)
@@ -106,27 +107,27 @@ class KnownView:
         return found
 
     def staying(self, small: Image, levels: Levels) -> Mask:
-        """(h, w) pixels that showed the person in the frame before and look as they did: they show it still."""
+        """(h, w) pixels that showed the person in the frame before and have not changed: they still do."""
         still = np.abs(small - self.last).max(axis=2) < levels.still
         background = self.known & ~self.changed(small, levels)
         found: Mask = self.own & still & ~background & ~self.strangers & self.of_person(small, levels)
         return found
 
     def touched(self, linked_px: float) -> bool:
-        """Whether somebody else is so near to the person that what comes out there may be his."""
+        """Whether another person is so near that departures may be theirs."""
         return bool((self.gaps[self.strangers] < linked_px).any())
 
     def passers_by(self, changed: Mask, gaps: Array32, least_px: float, linked_px: float) -> Mask:
-        """(h, w) regions of what has changed beside the person that are somebody else's.
+        """(h, w) changed regions beside the person that belong to another person.
 
-        Who comes along is first apart from the person, and more than a limb. He is the same when he touches the
-        person's outline; what comes out of it elsewhere meanwhile may be his as well.
+        A person who comes along is apart at first, and larger than a limb. The region stays another person's when it
+        touches the outline; departures elsewhere meanwhile may be, too.
 
         Args:
-            changed: (h, w) in the frame at hand.
+            changed: (h, w) in the present frame.
             gaps: (h, w) distance to the person in it, px of the image.
-            least_px: pixels of the small picture that are more than a limb.
-            linked_px: so near to the person a region hangs on it, px of the image.
+            least_px: pixels of the small picture, more than a limb has.
+            linked_px: distance up to which a region belongs to the person, px of the image.
         """
         _, labels, sizes, _ = cv2.connectedComponentsWithStats(changed.astype(np.uint8))
         others: Mask = np.asarray(sizes[:, cv2.CC_STAT_AREA] > least_px)
@@ -145,7 +146,7 @@ def linked(mask: Mask, near: Mask) -> Mask:
     return kept
 
 
-# What region evidence sees of images: numbers of what their pixels around the persons look like.
+# Colour numbers of the pixels around the persons, for region evidence.
 
 Codes = tuple[Region, Numbers16]
 """A region of a view and its colour numbers, row by row."""
@@ -163,13 +164,13 @@ def colour_numbers(
     """The colour numbers of each view near some contours.
 
     Args:
-        sight: the images, in which they are found once.
+        sight: the images; colour numbers are computed once for each.
         around: the contours; None for everywhere.
         margin: as a share of an image's longer side.
-        least_px: (V,) margins where they are wider than that.
+        least_px: (V,) margins where they are larger.
 
     Returns:
-        For each view its region and numbers, None where its image is missing.
+        For each view its region and numbers, None if its image is missing.
     """
     found: list[Codes | None] = []
     for v, image in enumerate(sight.frame.images):
@@ -197,24 +198,24 @@ def packed(views: Sequence[Codes | None]) -> Picture:
 
 
 def encoded(image: Image, region: Region) -> Codes:
-    """The numbers of what a region of an image (h, w, 3) looks like."""
+    """The colour numbers of a region of an image (h, w, 3)."""
     codes = np.empty(region[2] * region[3], dtype=np.uint16)
     encode(appearance(image, region), codes)
     return region, codes
 
 
 FLOOR = 2e-4
-"""Share that a colour never seen has: one of 4096 bins by chance."""
+"""Share of an unseen colour: one of 4096 bins by chance."""
 
 _MOST_ODDS = 4.0
-"""Bound on the logarithm of the odds of one pixel: no single one proves anything."""
+"""Bound on the logarithm of the odds of one pixel: no single pixel is a proof."""
 
 _STRANGE, _ALIKE = 0.4, 0.5
-"""A view's colours of a part are those of something else if their likeness to those in other views is below the first,
-and below the second times that of the view most alike. A part hidden at the start: 60 mm without, 44 mm with."""
+"""A view's colours of a part are another thing's if their likeness to other views' is below the first value, and below
+the second times that of the view most alike. A part hidden at the start: 60 mm without, 44 mm with."""
 
 _LEAST_LEFT = 0.3
-"""Share of a part's colours that must be its own for them to be kept."""
+"""Share of a part's colours that must be its own to be kept."""
 
 _BOTH_SIDES = 0.5
 """Likeness of the colours on both sides of a contour from which on one thing is before both."""
@@ -261,9 +262,9 @@ class Colours:
         """The colours one frame on.
 
         Args:
-            picture: colours seen.
+            picture: the frame's colours.
             samples: contours of the scene at its estimated poses.
-            beside: (V, M, 2) parts seen beside them.
+            beside: (V, M, 2) parts beside them.
             cameras: (V, 29) from `Rig.packed`.
             useful: (V, M) samples to learn from.
             spans: distance of places on a line, metres; weight of the frame in the running mean.
@@ -283,10 +284,10 @@ class Colours:
 
 
 def corrected(tables: Tables, fresh: Mask, known: Mask) -> Mask:
-    """Takes out of colours learnt for the first time those of what hides the part.
+    """Removes the colours of things that hide the part from colours learnt for the first time.
 
-    A part hidden at the start teaches the colours of what hides it, and they are unlike those in all other views: it
-    gets the mean of those. What is then seen on both sides of its contour hides other parts of that view as well.
+    A part hidden at the start teaches the colours of the thing before it, unlike those in all other views: it gets the
+    mean of those. If both sides of its contour then show that thing, it hides other parts of that view as well.
 
     Args:
         tables: in and out.
@@ -294,13 +295,13 @@ def corrected(tables: Tables, fresh: Mask, known: Mask) -> Mask:
         known: (V, P) learnt at all.
 
     Returns:
-        (V, P) parts whose colours, or those of what hides them, were changed.
+        (V, P) parts whose colours, or hiding thing's colours, were changed.
     """
     inside, changed = tables.inside, np.zeros_like(fresh)
     for p in np.flatnonzero(fresh.any(axis=0)):
         views = np.flatnonzero(known[:, p])
         if len(views) < 3:
-            # Of two that differ nobody knows which is right.
+            # If two differ, either may be right.
             continue
         roots = np.sqrt(inside[views, p])
         coefficients = roots @ roots.T
@@ -321,7 +322,7 @@ def corrected(tables: Tables, fresh: Mask, known: Mask) -> Mask:
 
 
 def _take_out(hider: Array32, elsewhere: Array32, table: Array32) -> None:
-    """Takes the colours of what hides a part out of its table (4096,); those it has elsewhere stay."""
+    """Removes the colours of a hiding thing from a part's table (4096,); those it has elsewhere stay."""
     table[hides(hider, elsewhere)] = 0
     left = table.sum()
     if left < _LEAST_LEFT:

@@ -1,4 +1,4 @@
-"""Attached points beside where a frame shows them: distances, and how they change with the pose."""
+"""Attached points and their positions in a frame: distances, and their derivatives by the pose."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tracker.foundation.geometry.superquadrics import signed_distance
 
 @dataclass(frozen=True)
 class Residuals:
-    """N points where their part carries them less where they are seen, in D axes of image or space, px."""
+    """Residuals of N points, position by the part minus position seen, in D axes of image or space, px."""
 
     residual: Array
     """(N, D) px; 0 in the third axis of an image."""
@@ -63,10 +63,10 @@ class Residuals:
 
 
 _FACING = 0.1
-"""A point is taken for seen where its surface faces the camera by this cosine: beyond it something else is followed."""
+"""Least cosine between a point's surface normal and the camera: beyond it the point is something else."""
 
 _ALONG = 0.8
-"""Cosine between a parameter's axis and a part's long one from which the one turns about the other."""
+"""Cosine between a parameter's axis and a part's long one from which on the parameter turns the part about it."""
 
 _IN_VIEW_M = 0.1
 """Least distance before a camera, metres."""
@@ -74,16 +74,16 @@ _IN_VIEW_M = 0.1
 
 @dataclass(frozen=True)
 class Held:
-    """N attached points of one person that a frame shows."""
+    """N attached points of one person in a frame."""
 
     rows: Integers
-    """(N,) which of the attachments asked about."""
+    """(N,) their numbers among the attachments."""
 
     part: Integers
-    """(N,) among the person's own."""
+    """(N,) their parts among the person's own."""
 
     suspect: Mask
-    """(N,) points that were elsewhere than their part in the last frame: until they are back they move nothing."""
+    """(N,) points away from their part in the last frame: until they are back they move nothing."""
 
     place: Array
     """(N, 3) in the part's frame, metres."""
@@ -92,22 +92,22 @@ class Held:
     """(N, 3, 3) of the place, square metres."""
 
     view: Integers
-    """(N,) view that the point was followed in; -1 for one in space."""
+    """(N,) view in which the point was followed; -1 in space."""
 
     seen_at: Array
-    """(N, 3) pixel and 0, or the place in space, metres."""
+    """(N, 3) pixel and 0, or the position in space, metres."""
 
     noise: Array
-    """(N, 3, 3) covariance of it, likewise; 1 in the third axis of an image, which has to have an inverse."""
+    """(N, 3, 3) covariance of it, likewise; 1 in the third axis of an image, for an inverse."""
 
     def shares(self, observations: float) -> Array:
-        """(N,) what each point counts, so that those of a part in a view count as no more than `observations`."""
+        """(N,) weights, so that those of a part in a view count as no more than `observations`."""
         _, group, sizes = np.unique(np.stack([self.part, self.view]), axis=1, return_inverse=True, return_counts=True)
         shares: Array = np.minimum(1.0, observations / np.maximum(sizes[group.ravel()], 1))
         return shares
 
     def gaps_px(self, body: BodyModel, poses: Array, rig: Rig, most_m: float) -> Array:
-        """(B, N) distances at poses (B, dof), no more than that of a wrong point, px."""
+        """(B, N) distances at poses (B, dof), at most that of a wrong point, px."""
         world = self.world(body, poses)
         gaps = np.zeros(world.shape[:2])
         for v in np.unique(self.view):
@@ -121,7 +121,7 @@ class Held:
         return gaps
 
     def residuals(self, body: BodyModel, q: Array, rig: Rig, slide_m: float) -> Residuals:
-        """Where the points are carried less where they are seen, linearized at a pose.
+        """Positions by the parts minus positions seen, linearized at a pose.
 
         Args:
             body: the person's.
@@ -149,9 +149,9 @@ class Held:
         return Residuals(np.where(seen[:, None], gap, 0.0), jacobian, covariance, np.where(self.view < 0, 3, 2), seen)
 
     def turns(self, body: BodyModel, q: Array, rig: Rig) -> Array:
-        """(N, 3) where a turn of its part about the long axis moves each point; 1 across the line of sight, else less.
+        """(N, 3) movement of points by a turn of their part about its long axis; 1 across the line of sight, else less.
 
-        In the axes of the residuals. Near a contour a turn moves a point in depth alone, which an image hardly shows.
+        In the axes of the residuals. Near a contour a turn moves a point only in depth, which an image hardly shows.
         """
         world, placed = self.world(body, q[None])[0], body.world_from_part(q)[self.part]
         turn = np.cross(placed[:, :3, 2], world - placed[:, :3, 3])
@@ -173,13 +173,13 @@ class Held:
         return slope
 
     def world(self, body: BodyModel, poses: Array) -> Array:
-        """(B, N, 3) where the parts carry the points, metres."""
+        """(B, N, 3) positions by the parts, metres."""
         placed = body.world_from_part(poses)[:, self.part]
         world: Array = (placed[..., :3, :3] @ self.place[..., None])[..., 0] + placed[..., :3, 3]
         return world
 
     def _facing(self, body: BodyModel, placed: Array, world: Array, rows: Mask, centre: Array) -> Array:
-        """Cosines between the surface under some of the points and the way to a camera."""
+        """Cosines between the surface at some of the points and the direction to a camera."""
         normals = np.zeros((len(self.part), 3))
         for p in np.unique(self.part[rows]):
             own = rows & (self.part == p)
@@ -193,8 +193,8 @@ class Held:
 def turning(body: BodyModel) -> Mask:
     """(P,) parts that parameters of their own segment turn about their long axes.
 
-    A forearm that follows its hand turns without one where the model has no pronation: its points are not to turn the
-    upper arm in its place.
+    In a model without pronation a forearm follows its hand and does not turn: its points must not turn the upper arm
+    instead.
     """
     segments = {segment.name: segment.parameters for segment in body.segments}
     found = np.zeros(len(body.parts), dtype=np.bool_)
@@ -207,7 +207,7 @@ def turning(body: BodyModel) -> Mask:
 def held_in(
     attached: Attachments, tables: Sequence[Followed], frame: int, seen: Sequence[bool], first_part: int
 ) -> Held:
-    """The attached points of a person that a frame shows in views that are not missing.
+    """The attached points of a person in views that are not missing.
 
     Args:
         attached: of the person.

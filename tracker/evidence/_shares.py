@@ -1,4 +1,4 @@
-"""What several kinds of evidence share: how much of contours lies on edges, and pictures of what they saw."""
+"""Common parts of several kinds of evidence: share of contours on edges, and pictures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def shares(
         observation: the edges.
         n_parts: parts of the scene.
         near_px: how close to an edge a sample counts as explained, and how far from all samples an edge as missed.
-        distances: of the whole and of each view (V,), NaN where it is missing, px.
+        distances: of the whole and of each view (V,), NaN if it is missing, px.
     """
     distance_px, per_view_px = distances
     sums, (flat, regions, scene, first, reach) = np.empty((4, len(contours.counts[0]), n_parts)), observation.packed
@@ -36,7 +36,7 @@ def shares(
 
 
 def over_views(per_view: Array, nothing: float) -> Array:
-    """Mean over the views that are not missing: (B, V) -> (B,); `nothing` where none is left."""
+    """Mean over the views that are not missing: (B, V) -> (B,); `nothing` if none is left."""
     present = np.isfinite(per_view)
     n_present = present.sum(axis=1)
     total = np.where(present, per_view, 0.0).sum(axis=1)
@@ -44,23 +44,23 @@ def over_views(per_view: Array, nothing: float) -> Array:
     return mean
 
 
-# Pictures that several kinds of evidence draw alike of what they saw.
+# Pictures that several kinds of evidence draw alike.
 
 UNKNOWN = (150, 80, 0)
-"""BGR, a dark blue: where nothing is known."""
+"""BGR, a dark blue: unknown."""
 
 # BGR: near enough, and too far.
 _NEAR, _FAR = (80, 220, 80), (40, 40, 230)
 
 
 def gaps_picture(image: Image, shown: Array, carried: Array, wrong: Mask) -> Image:
-    """Points where the image shows them, each with a line to where the pose has it, on the darkened image.
+    """Points where the image shows them, each with a line to its position by the pose, on the darkened image.
 
     Args:
         image: (H, W, 3) BGR.
         shown: (N, 2) px.
-        carried: (N, 2) where the pose has the points, px.
-        wrong: (N,) those that are too far away, drawn red; the others are green.
+        carried: (N, 2) positions by the pose, px.
+        wrong: (N,) points too far away, drawn red; the others are green.
     """
     picture: Image = (0.5 * image).astype(np.uint8)
     there = np.isfinite(shown).all(axis=1) & np.isfinite(carried).all(axis=1)

@@ -1,4 +1,4 @@
-"""Evidence by what the recording has: foregrounds where there are plates or masks, colours of the parts where not."""
+"""Chooses evidence by the recording: foregrounds if there are plates or masks, else colours of the parts."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from tracker.kernels.descent import Kinds
 
 WITHOUT_PLATES = "no background plates"
 WHERE_NOBODY_STAYS = "foreground where nobody stays"
-"""What it tells of itself where plates are none, and where they are made behind persons who stay."""
+"""Its message if plates are absent, or unknown behind persons who stay."""
 
-# A silhouette in one view alone tells nothing of the depth; see also what `initialization.auto` does.
+# A silhouette in one view alone shows no depth; see also `initialization.auto`.
 _LEAST_VIEWS = 2
-# Contours of a simulated person's own model leave 0.6 px over, those of real and rendered persons 1.5 to 1.9. Where the
-# model is exact, colours only know the outline that they were taught: with contours at three times their weight joints
-# of two simulations were 1.3 and 2.1 mm off instead of 2.0 and 3.3; at 0.6 and 1 persons whom the model does not fit
-# were 1 to 4 mm worse.
+# Contours of a simulated person's own model leave over 0.6 px, those of real and rendered persons 1.5 to 1.9. If the
+# model is exact, colours only repeat the outline that taught them: with contours at three times their weight joints of
+# two simulations were 1.3 and 2.1 mm off instead of 2.0 and 3.3; at 0.6 and 1 persons whom the model does not fit were
+# 1 to 4 mm worse.
 _EXACT_PX = 1.2
 
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """What was observed, and by which evidence."""
+    """An observation, and its evidence."""
 
     by: Evidence
     observed: Observed
@@ -47,9 +47,9 @@ class _Seen:
 
 @component
 class AutoEvidence(Evidence):
-    """`with_plates` where two views or more have plates or masks, `without` elsewhere.
+    """`with_plates` if two views or more have plates or masks, otherwise `without`.
 
-    `partly` where somebody stays before plates that the recording has made by itself.
+    `partly` if a person stays before plates that the recording makes itself.
     """
 
     # See docs/lab/defaults_with_plates.md.
@@ -59,10 +59,9 @@ class AutoEvidence(Evidence):
         refining=(0.3, 0.0, 1.0, 0.3),
         exact_px=(_EXACT_PX, 0.0, 0.0, 0.0),
     )
-    """What is looked at where it is known what the views show without persons: contours and foregrounds rank poses,
-    colours and contours refine them. Against contours alone in refinements joints were better on all of eight
-    recordings that started right, by 1 to 14 mm, in less time, for fewer limbs are searched. Where colours ranked, too,
-    they gained nothing."""
+    """Evidence for views with plates or masks: contours and foregrounds rank poses, colours and contours refine them.
+    Compared with contours alone in refinements, joints were better on all of eight recordings that started right, by 1
+    to 14 mm, in less time, because fewer limbs are searched. Colours in the ranking gained nothing."""
 
     # See docs/lab/colours_alone.md.
     without: Evidence = TogetherEvidence(
@@ -71,7 +70,7 @@ class AutoEvidence(Evidence):
         refining=(0.3, 1.0, 0.3),
         exact_px=(_EXACT_PX, 0.0, 0.0),
     )
-    """What is looked at where nothing is known. Contours count 0.3: with 1 all of four recordings are worse."""
+    """Evidence without plates. Contours count 0.3: with 1 all of four recordings are worse."""
 
     partly: Evidence = TogetherEvidence(
         of=(ContourEvidence(), SilhouetteEvidence(), RegionEvidence(), MotionEvidence()),
@@ -79,38 +78,38 @@ class AutoEvidence(Evidence):
         refining=(0.3, 0.0, 1.0, 0.3),
         exact_px=(_EXACT_PX, 0.0, 0.0, 0.0),
     )
-    """What is looked at where it is known what arms and legs move before, and hardly anything of the trunk."""
+    """Evidence if plates show what is behind arms and legs, and hardly anything behind the trunk."""
 
     def check(self, scene: Scene) -> None:
-        """What any of them refuses."""
+        """Refuses what any of them refuses."""
         for one in (self.with_plates, self.without, self.partly):
             one.check(scene)
 
     def takes_part_plates(self) -> bool:
-        """It does: `partly` is made for them."""
+        """True, because `partly` is made for them."""
         return True
 
     def told(self, known: Sequence[object | None]) -> str:
-        """Which of them it is; see `tracker.evidence.Evidence.told`."""
+        """Its choice; see `tracker.evidence.Evidence.told`."""
         views = f"{sum(one is not None for one in known)} of {len(known)} views have plates or masks"
         if any(isinstance(one, Plate) and one.recorded for one in known):
-            views += ", made of what the recording shows most of the time"
+            views += ", which the recording itself has made"
         stays = any(isinstance(one, Plate) and one.stays for one in known)
         foreground = "" if not _enough(known) else f"{WHERE_NOBODY_STAYS}, " if stays else "foreground, "
         what = f"contours, {foreground}colours and motion of the parts"
         return f"{what}, {views}" if any(one is not None for one in known) else f"{what}, {WITHOUT_PLATES}"
 
     def look(self, sight: Sight, around: Contours) -> None:
-        """What the one chosen does ahead."""
+        """Prepares the chosen evidence."""
         self._chosen(sight).look(sight, around)
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> _Seen:
-        """What the one chosen observes."""
+        """Observation of the chosen evidence."""
         one = self._chosen(sight)
         return _Seen(one, one.observe(sight, expected, memory))
 
     def observe_again(self, asked: Comparison, q: Array) -> _Seen:
-        """What the one chosen observes again."""
+        """Repeated observation of the chosen evidence."""
         return _Seen(_by(asked), _by(asked).observe_again(_put(asked), q))
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
@@ -122,7 +121,7 @@ class AutoEvidence(Evidence):
         return _by(asked).equations(_put(asked), q, gate_px)
 
     def kinds(self, asked: Comparison) -> Kinds | None:
-        """What is compiled of it, and what is asked."""
+        """Its compiled form, and the kinds that are called."""
         found = _by(asked).kinds(_put(asked))
         if found is None or not found.asked:
             return found
@@ -133,11 +132,11 @@ class AutoEvidence(Evidence):
         return _by(asked).account(_put(asked), q)
 
     def learned(self, memory: Memory, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask) -> Memory:
-        """What it has learned."""
+        """Its knowledge."""
         return self._chosen(sight).learned(memory, sight, scene, fitted, trusted)
 
     def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
-        """What the one chosen saw."""
+        """Its pictures."""
         return _by(asked).pictures(_put(asked), sight, view)
 
     def _chosen(self, sight: Sight) -> Evidence:
@@ -156,10 +155,10 @@ def _by(asked: Comparison) -> Evidence:
 
 
 def _passed_on(ask: Callable[..., Any], asked: Comparison, q: Array, gate_px: float) -> Any:
-    """What one of the kinds of the one chosen answers."""
+    """Answer of one of the chosen evidence's kinds."""
     return ask(_put(asked), q, gate_px)
 
 
 def _put(asked: Comparison) -> Comparison:
-    """The question as it is put to the one chosen."""
+    """The question for the chosen evidence."""
     return asked.put(asked.observed.observed)

@@ -32,7 +32,7 @@ class ContourEvidence(Evidence):
     """Finds the edges."""
 
     similarity: Similarity = ChamferSimilarity()
-    """Measures how far contours are from them, and says what makes that smaller."""
+    """Measures the distance of contours from them, and its derivatives."""
 
     explained_px: float = pydantic.Field(default=5.0, gt=0)
     """A contour sample this close to a scene edge counts as explained, px."""
@@ -53,11 +53,11 @@ class ContourEvidence(Evidence):
         return over_views(self.similarity.distances(asked, poses), _NOTHING_PX)
 
     def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
-        """What makes the distance smaller; see `tracker.evidence.Evidence.equations`."""
+        """Equations that reduce the distance; see `tracker.evidence.Evidence.equations`."""
         return self.similarity.equations(asked, q, gate_px)
 
     def kinds(self, asked: Comparison) -> Kinds | None:
-        """The edges, where the measure is the chamfer distance without votes."""
+        """The edges, if the measure is the chamfer distance without votes."""
         measure = self.similarity
         if type(self) is not ContourEvidence or not isinstance(measure, ChamferSimilarity) or measure.votes:
             return None
@@ -65,7 +65,7 @@ class ContourEvidence(Evidence):
         return Kinds(edges=Edges(1.0, 0.0, edges.points, edges.first, cosine, PX_PER_OBSERVATION))
 
     def account(self, asked: Comparison, q: Array) -> Account:
-        """What of the contours lies on edges, and what edges no contour explains."""
+        """Contours on edges, and edges that no contour explains."""
         per_view = self.similarity.distances(asked, q[None])
         distances = float(over_views(per_view, _NOTHING_PX)[0]), per_view[0]
         near_px = self.explained_px, self.missed_px

@@ -1,4 +1,4 @@
-"""Evidence of departures: where the person has come to be seen before a background that earlier frames have shown."""
+"""Evidence of departures: places where the person now covers a background that earlier frames have shown."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ from tracker.images.sight import Sight
 from tracker.synthesis import SurfaceSynthesis
 
 _LEAST_SHARE = 0.5
-"""Share of the parts that must be trusted for a frame to teach what the person looks like."""
+"""Share of the parts that must be trusted for a frame to teach the person's colours."""
 
 _SEAM = 2.0
-"""So near to the outline of the model what has changed is clothes and shadow, pixels of the small picture."""
+"""Changes this near to the model's outline are clothes and shadow, pixels of the small picture."""
 
 _TYPICAL_SHARE = 0.05
 """Share of a view that a person covers, usually."""
@@ -47,50 +47,51 @@ _TYPICAL_SHARE = 0.05
 
 @component
 class DeparturesEvidence(Evidence):
-    """Places that have changed, have the person's colours and are left bare by the model. Needs no plates.
+    """Changed places in the person's colours that the model leaves bare. Needs no plates.
 
-    Contours only say whether the model's own are in the images. A limb that is taken to be before or behind the trunk,
-    where it has no contour to be judged by, stays there, though the images show it elsewhere: there the background of
-    earlier frames is covered by something in the person's colours, and the pose has to account for that.
+    Contours only show whether the model's own are in the images. A limb wrongly placed before or behind the trunk,
+    where it has no contour, stays there though the images show it elsewhere. There something in the person's colours
+    covers the background of earlier frames, and the pose has to explain it.
 
-    Of a person whose own surface is known (a `[skin]`), what showed the person in the frame before and looks as it did
-    must be covered, too: a hand that is seen where no background ever was can't be put behind the trunk unseen.
-    Somebody else who comes along stays somebody else when he touches the person's outline.
+    For a person whose own surface is known (a `[skin]`), places that showed the person in the frame before and have not
+    changed
+    must be covered, too: a hand seen where no background was ever visible cannot hide behind the trunk. Another person
+    who comes along stays another person after touching the outline.
     """
 
     scale_px: float = pydantic.Field(default=400.0, gt=0)
     """Distance of a pose that leaves as much bare as a person usually covers, px: a forearm in one of four views is
-    worth 1 to 2 px, ten times what contours and colours say of where it is when it hides before the trunk."""
+    worth 1 to 2 px, ten times as much as contours and colours say of it when it hides before the trunk."""
 
     least_levels: float = pydantic.Field(default=24.0, gt=0)
-    """Change in a channel from which a pixel departs from what was seen there, grey levels."""
+    """Change in a channel from which on a pixel departs from its background, grey levels."""
 
     least_odds: float = pydantic.Field(default=1.0, ge=0)
-    """By what factor a colour must be more frequent in the person than beside it to be the person's, its logarithm."""
+    """Least logarithm of the odds of a colour in the person against the surroundings, for a colour of the person."""
 
     around: float = pydantic.Field(default=0.12, ge=0, le=1)
-    """So far around the prediction is looked, as a share of an image's longer side."""
+    """Search region around the prediction, as a share of an image's longer side."""
 
     margin_px: float = pydantic.Field(default=14.0, ge=0)
-    """So far from the model's outline the background is believed to be background, px of the image."""
+    """Least distance from the model's outline of pixels that count as background, px of the image."""
 
     linked_px: float = pydantic.Field(default=28.0, ge=0)
-    """A region that comes nowhere so near to the person of the frame before hangs on somebody else, px."""
+    """A region that stays farther away from the person of the frame before belongs to another person, px."""
 
     most_share: float = pydantic.Field(default=0.25, gt=0)
-    """A view in which more than this share of the person has changed beside it shows somebody else who passes."""
+    """A view in which more than this share of the person has changed beside it shows another person who passes."""
 
     limb_share: float = pydantic.Field(default=0.1, gt=0)
-    """Share of the person that a limb covers at most: what changes apart from the person and is more is not a limb."""
+    """Largest share of the person that a limb covers: a larger change apart from the person is not a limb."""
 
     still_levels: float = pydantic.Field(default=8.0, gt=0)
-    """Change in a channel from one frame to the next under which a pixel shows what it did, grey levels."""
+    """Largest change in a channel from one frame to the next for an unchanged pixel, grey levels."""
 
     news: float = pydantic.Field(default=0.2, gt=0, le=1)
-    """Share of a new frame in what is known: light that changes within seconds is followed."""
+    """Share of a new frame in the background: it follows light that changes within seconds."""
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Bare | AtStart:
-        """The places that have changed; none before a frame has taught what was there."""
+        """The changed places; none before a frame has taught the background."""
         if memory is None and expected is not None:
             return AtStart(partial(self._begun, sight, expected))
         return self._observed(sight, expected, memory)
@@ -107,15 +108,15 @@ class DeparturesEvidence(Evidence):
         return bare_in(views, factor, np.array([image is None for image in images]))
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
-        """(B,) what is left bare, as a share of the person; mean over the views."""
+        """(B,) bare places, as a share of the person; mean over the views."""
         return over_views(self._per_view(asked, poses), 0.0)
 
     def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
-        """None: what is bare tells that a limb is missing, not which way it has to move."""
+        """None: a bare place shows that a limb is missing, not its direction."""
         return Equations.nothing(asked.body.dof)
 
     def account(self, asked: Comparison, q: Array) -> Account:
-        """What is bare as contour that is missed, by the limb that is nearest to it."""
+        """Bare places as missed contour, by the nearest limb."""
         per_view, n_parts = self._per_view(asked, q[None])[0], len(asked.body.parts)
         nothing = np.zeros(n_parts)
         asked = begun_at(asked)
@@ -124,7 +125,7 @@ class DeparturesEvidence(Evidence):
         return Account(distance_px, per_view, np.full(n_parts, np.nan), nothing, nothing, missed)
 
     def learned(self, memory: Memory, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask) -> Memory:
-        """What is seen beside the persons, and how they look; a running mean of both."""
+        """The surroundings of the persons, and their colours; a running mean of both."""
         known, factor = memory or (None,) * len(scene.rig), reduction(scene.rig)
         return tuple(
             self._taught(one, sight, v, factor, small, trusted[v])
@@ -132,20 +133,20 @@ class DeparturesEvidence(Evidence):
         )
 
     def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
-        """What has departed from the background of earlier frames and looks like the person, white."""
+        """Departures from the background of earlier frames in the person's colours, white."""
         image, seen = sight.frame.images[view], begun_at(asked).observed
         if image is None or seen.masks[view] is None:
             return (EvidencePicture("departures: the background is not known yet", None),)
         size = image.shape[1], image.shape[0]
         grey = cv2.resize(np.uint8(255) * seen.masks[view], size, interpolation=cv2.INTER_NEAREST)
         picture: Image = np.repeat(grey[..., None], 3, axis=2)
-        return (EvidencePicture("what has departed, and a pose has to cover", picture),)
+        return (EvidencePicture("places that have changed, and a pose has to cover", picture),)
 
     def _per_view(self, asked: Comparison, poses: Array) -> Array:
         """(B, V) px."""
         asked = begun_at(asked)
         seen: Bare = asked.observed
-        # Parts leave 4 % of a silhouette bare in the right pose: what stays is for surfaces that are known.
+        # Parts leave 4 % of a silhouette bare in the right pose: staying places are for surfaces that are known.
         column = int(asked.scene.has_skins)
         worth = seen.worth[:, column]
         if not np.nansum(worth):
@@ -160,7 +161,7 @@ class DeparturesEvidence(Evidence):
     def _bare(
         self, sight: Sight, v: int, expected: Contours | None, known: KnownView | None
     ) -> tuple[Mask | None, Mask | None]:
-        """(h, w) what a pose has to account for: what has departed, and what stays."""
+        """(h, w) what a pose has to explain: departures, and staying places."""
         image = sight.frame.images[v]
         if image is None or known is None or known.looks is None:
             return None, None
@@ -174,7 +175,8 @@ class DeparturesEvidence(Evidence):
             near[y // factor : (y + height) // factor + 1, x // factor : (x + width) // factor + 1] = True
             departs &= near
         found = linked(opened(departs), known.gaps < self.linked_px) & ~linked(opened(changed), known.strangers)
-        # beside the person of the frame before: the rest is the person, before what was seen while nobody stood there
+        # beside the person of the frame before: the rest is the person, before the background seen while the place was
+        # empty
         beside = np.count_nonzero(found & (known.gaps > 0))
         if known.touched(self.linked_px) or beside > self.most_share * known.n_person:
             found = np.zeros_like(found)

@@ -1,8 +1,8 @@
-"""Evidence of keypoints: 2-D detections that a user brings, against the points of the body that they mean.
+"""Evidence of keypoints: 2-D detections from a user's files, against the points of the body that they mean.
 
-Robust against persons that are none (the detection that fits a pose best counts), against left and right taken for
-each other (a limb may have its sides exchanged, at a price) and against single keypoints that are wrong (their loss
-has an end: S. Geman, D. McClure, Statistical methods for tomographic image reconstruction, 1987).
+It is robust against detections of other things (the detection that fits a pose best counts), against exchanged sides (a
+limb may have its sides exchanged, at a price) and against single wrong keypoints (their loss
+is bounded: S. Geman, D. McClure, Statistical methods for tomographic image reconstruction, 1987).
 """
 
 from __future__ import annotations
@@ -32,41 +32,41 @@ from tracker.images.sight import Sight
 from tracker.kernels.body import Detected, Matches, match_keypoints
 
 _WORTH_PX = 60.0
-"""Contour that a keypoint counts as where lengths are added up, px: an arm's of four views count as its contours do.
-Colours learnt wrongly then do not outvote views that agree on where a limb is: beside contours and colours, without
+"""Contour that a keypoint counts as in sums of lengths, px: an arm's keypoints in four views count as its contours.
+Wrongly learnt colours then do not outvote views that agree on a limb's place. Beside contours and colours, without
 plates, 31 of 40 frames were flagged with 20 px, 2 of them rightly; with 60 px 11 of 24, 3 rightly:
 docs/lab/detections_beside.md."""
 
 _EXCHANGE_COSTS = 0.25
-"""What it costs to exchange a keypoint's side, share of an outlier. Less than any keypoint on the wrong side of a body
-loses, more than where two lie beside each other; without it a body turned round fits as well as the right one."""
+"""Price of exchanging a keypoint's sides, share of an outlier. It is less than any keypoint on the wrong side of a body
+loses, and more than where two lie beside each other; without it a body turned round fits as well as the right one."""
 
 _NEAR = 0.5
-"""Loss under which a keypoint is where the pose has it: nearer than half of `outlier_m`."""
+"""Largest loss of a keypoint that agrees with the pose: nearer than half of `outlier_m`."""
 
 _SOMEBODY_ELSE = 0.8
-"""Mean loss of a detection above which it shows somebody else, and tells nothing of a person's limbs."""
+"""Mean loss of a detection above which it is of another person, and says nothing about this one."""
 
 
 @dataclass(frozen=True)
 class _Known:
-    """What was detected of the keypoints that mean points of a body."""
+    """Detections of the keypoints that mean points of a body."""
 
     meant: Meant
     detected: Detected
 
     @property
     def n_limbs(self) -> int:
-        """How many limbs have sides."""
+        """Number of limbs with sides."""
         return int(self.detected.limbs.max(initial=-1)) + 1
 
 
 @dataclass(frozen=True)
 class ObservedKeypoints:
-    """What was detected in a frame."""
+    """Detections in a frame."""
 
     frame: Frame
-    """Without images; those that are missing have no keypoints."""
+    """Views without images have no keypoints."""
 
     seen: tuple[bool, ...]
     """Views that are not missing."""
@@ -74,7 +74,7 @@ class ObservedKeypoints:
     _known: dict[int, _Known] = field(default_factory=dict, repr=False, compare=False)
 
     def about(self, asked: Comparison, evidence: KeypointEvidence) -> _Known:
-        """What means points of the person asked about, read and packed once."""
+        """Keypoints that mean points of the person, read and packed once."""
         if asked.person not in self._known:
             rig = asked.scene.rig
             views = evidence.opened(rig)
@@ -110,22 +110,22 @@ def _packed(names: tuple[str, ...], found: Sequence[Array], body: BodyModel) -> 
 
 @component
 class KeypointEvidence(KeypointFiles, Evidence):
-    """Distances of points of the body from the keypoints that a detector has found.
+    """Distances of points of the body from a detector's keypoints.
 
     Beside other kinds of evidence its weights are 1: distances then differ by a pixel or so for an arm in the wrong
-    place, and equations move what nothing else holds.
+    place, and equations move limbs that nothing else holds.
     """
 
     noise_m: float = pydantic.Field(default=0.03, gt=0)
-    """Standard deviation of a keypoint from the point it means, metres: a detector and a body do not have the same
-    joints. Those of BlazePose on eight recordings are 0.023 to 0.037 m off in the middle, in images."""
+    """Standard deviation of a keypoint from the point it means, metres: a detector and a body have different joints.
+    Those of BlazePose on eight recordings are 0.023 to 0.037 m off in the median, in images."""
 
     outlier_m: float = pydantic.Field(default=0.15, gt=0)
-    """Distance at which a keypoint is wrong, metres: it loses half at half of it. Of BlazePose's 1 to 13 % are
-    farther off."""
+    """Distance at which a keypoint is wrong, metres: it loses half at half of it. Of BlazePose's keypoints 1 to 13 %
+    are farther off."""
 
     def check(self, scene: Scene) -> None:
-        """Opens the files and asks whether they mean anything of each body; see `tracker.evidence.Evidence.check`."""
+        """Opens the files and checks that they mean points of each body; see `tracker.evidence.Evidence.check`."""
         try:
             views = self.checked(scene.rig)
             fitting = fitting_layout(self, scene.rig, scene.persons[0].body)
@@ -145,11 +145,11 @@ class KeypointEvidence(KeypointFiles, Evidence):
                 )
 
     def told(self, known: Sequence[object | None]) -> str:
-        """Where the keypoints are."""
+        """Folders of the keypoints."""
         return f"keypoints in {self.path}"
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> ObservedKeypoints:
-        """Which frame is asked about; see `tracker.evidence.Evidence.observe`."""
+        """Names the frame; see `tracker.evidence.Evidence.observe`."""
         seen = tuple(image is not None for image in sight.frame.images)
         return ObservedKeypoints(replace(sight.frame, images=(None,) * len(seen), masks=()), seen)
 
@@ -160,7 +160,7 @@ class KeypointEvidence(KeypointFiles, Evidence):
     def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
         """Moves points of the body to their keypoints, all views in one system.
 
-        The gate does not count: a keypoint says which point it is, however far.
+        It ignores the gate: a keypoint names its point, however far it is.
         """
         body, known = asked.body, asked.observed.about(asked, self).meant
         matched = self._matched(asked, q[None])
@@ -177,9 +177,9 @@ class KeypointEvidence(KeypointFiles, Evidence):
         return Equations.of(residual.ravel(), jacobian.reshape(-1, body.dof), np.repeat(weights, 2))
 
     def account(self, asked: Comparison, q: Array) -> Account:
-        """A keypoint is worth some contour, explained where most views have it where the pose has its point.
+        """A keypoint counts as some contour, explained if most views have it at the pose's point.
 
-        What one view alone has elsewhere is the detector's mistake: of right poses every fourth to tenth keypoint is
+        A keypoint elsewhere in one view alone is a detector's mistake: of right poses every fourth to tenth keypoint is
         more than 6 cm off in an image.
         """
         body, known = asked.body, asked.observed.about(asked, self).meant
@@ -224,7 +224,7 @@ class KeypointEvidence(KeypointFiles, Evidence):
         return per_view
 
     def _averaged(self, per_view: Array, rig: Rig) -> Array:
-        """(B,) mean over the views; where there is none, that of outliers 4 m before the first camera."""
+        """(B,) mean over the views; without any view that of outliers 4 m before the first camera."""
         return over_views(per_view, self._reach_m * float(rig.cameras[0].matrix[0, 0]) / 4)
 
     def _matched(self, asked: Comparison, poses: Array) -> Matches:
@@ -239,7 +239,7 @@ class KeypointEvidence(KeypointFiles, Evidence):
 
 
 def _share_of_parts(body: BodyModel, end: int) -> Array:
-    """(P,) what of a point falls to each part: those that its own parameter moves, or all that it hangs on."""
+    """(P,) share of a point for each part: those that its own parameter moves, or all that it hangs on."""
     own = body.part_parameters == end
     if not own.any():
         own = body.moves[end, body.part_parameters] if end >= 0 else np.ones(len(body.parts), dtype=np.bool_)

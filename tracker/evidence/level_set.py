@@ -25,34 +25,34 @@ from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
 
 _STRANGE = 4.0
-"""Odds against the person of pixels beyond the reach: what one pixel can prove at most."""
+"""Bound on the odds against the person of pixels beyond the reach: a pixel can prove no more."""
 
 _LEAST_SHARE, _MOST_SHARE = 0.5, 2.0
-"""A region with fewer or more of the model's pixels than this is that of something else: the view does not count."""
+"""A region with fewer or more of the model's pixels than this is another thing's: the view does not count."""
 
 _TRUSTED = 0.5
-"""Share of the parts that must be trusted for the frame to teach anything."""
+"""Share of the parts that must be trusted for the frame to teach."""
 
 _APART = np.ones((3, 3), dtype=np.uint8)
-"""What two contours differ by at least, px of the small picture, to be apart."""
+"""Least difference of two contours that are apart, px of the small picture."""
 
 Learned = tuple[Densities | None, ...]
-"""What is known of each view."""
+"""Knowledge of each view."""
 
 
 @dataclass(frozen=True, eq=False)
 class ObservedLevels:
-    """The images of a frame; the contours are found when the first question tells where the model is expected."""
+    """The images of a frame; the first question, which gives the expected pose, finds the contours."""
 
     sight: Sight
     memory: Learned | None
     blind: bool
-    """Whether the pose expected is none, or but a guess: a contour drawn towards it would confirm it."""
+    """Whether there is no expected pose, or only a guess: a contour drawn towards it would confirm it."""
 
     _found: list[Foregrounds] = field(default_factory=list, repr=False)
 
     def foregrounds(self, scene: Scene, by: LevelSetEvidence) -> Foregrounds:
-        """The regions of all persons of a scene at about the predicted poses."""
+        """The regions of all persons of a scene near the predicted poses."""
         if not self._found:
             self._found.append(by.seen(*by.drawn(self, scene)))
         return self._found[0]
@@ -60,43 +60,43 @@ class ObservedLevels:
 
 @component
 class LevelSetEvidence(SilhouetteEvidence):
-    """The outline of the region that looks as the persons did, against the outline of the model; needs no plates.
+    """The outline of the region in the persons' colours, against the outline of the model; needs no plates.
 
-    A contour that starts at the model's outline is drawn to where colours inside and outside part best, held by its
+    A contour starts at the model's outline and moves to where colours inside and outside differ most, held by its
     length and by the model's shape (eq. 4). `estimation = { use = "coupled" }` alternates it with the pose.
     """
 
     way: Literal["threshold_dynamics", "descent"] = "threshold_dynamics"
-    """How the energy is minimized; `descent` is the paper's gradient descent in a narrow band, and slow."""
+    """Minimization of the energy; `descent` is the paper's gradient descent in a narrow band, and slow."""
 
     length: float = pydantic.Field(default=3.0, ge=0)
     """Weight of the contour's length, odds a px of the small picture."""
 
     shape: float = pydantic.Field(default=0.03, ge=0)
-    """Weight lambda of the model's shape, odds a px^2: at 10 px from the model's outline it is worth 1.5 of odds."""
+    """Weight lambda of the model's shape, odds a px^2: 10 px from the model's outline it is worth odds of 1.5."""
 
     channels: Channels = "appearance"
-    """What is looked at of a pixel: its appearance, as by evidence of colours; `colours`, the paper's, blue, green
-    and red; or `tensor`, the structure tensor besides these."""
+    """Features of a pixel: its appearance, as in evidence of colours; `colours`, the paper's, blue, green and red; or
+    `tensor`, with the structure tensor besides."""
 
     witness: bool = True
-    """Draw a contour without the model's shape beside it: where only the shape holds the contour, it tells nothing of
-    the pose, and counts neither for nor against one."""
+    """Draw a second contour without the model's shape: where only the shape holds the contour, it says nothing about
+    the pose, and counts neither for nor against it."""
 
     adaptations: int = pydantic.Field(default=0, ge=0)
-    """How often in a frame the densities are estimated anew from the contour found (EM), and it from them."""
+    """Number of alternations in a frame between densities and contour (EM)."""
 
     around_px: float = pydantic.Field(default=30.0, gt=0)
-    """How far outside of the model's outline the region may reach, px of the image."""
+    """Reach of the region outside of the model's outline, px of the image."""
 
     longest_px: int = pydantic.Field(default=384, ge=32)
-    """Longer side of an image that is looked at: larger ones are made smaller by a whole factor."""
+    """Longer side of the examined image: larger ones are made smaller by a whole factor."""
 
     news: float = pydantic.Field(default=0.2, gt=0, le=1)
     """Share of a new frame in the densities."""
 
     def look(self, sight: Sight, around: Contours) -> None:
-        """Nothing: where the model is, only the question tells."""
+        """Nothing: only a question gives the expected pose."""
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Observed:
         """Keeps the frame; see `tracker.evidence.Evidence.observe`."""
@@ -111,7 +111,7 @@ class LevelSetEvidence(SilhouetteEvidence):
         return again
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
-        """(B,) what is left bare of the region and what is covered beside it; see `SilhouetteEvidence.distances`."""
+        """(B,) bare part of the region and cover beside it; see `SilhouetteEvidence.distances`."""
         return super().distances(self._put(asked), poses)
 
     def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
@@ -119,9 +119,9 @@ class LevelSetEvidence(SilhouetteEvidence):
         return super().equations(self._put(asked), q, gate_px)
 
     def account(self, asked: Comparison, q: Array) -> Account:
-        """What of the model's outline lies on the zero level, and what of that it misses; not view by view.
+        """The model's outline on the zero level, and the part of that it misses; not view by view.
 
-        A part that a zero level drawn from the pose itself leaves out is not hidden from that view: a pelvis was then
+        A part that a zero level drawn from the pose itself leaves out is not hidden in that view: a pelvis was then
         left out of one, and the man was lost within four frames.
         """
         return replace(super().account(self._put(asked), q), by_view_px=None)
@@ -145,13 +145,13 @@ class LevelSetEvidence(SilhouetteEvidence):
         return self.drawn(seen, scene)[0]
 
     def drawn(self, seen: ObservedLevels, scene: Scene) -> tuple[tuple[Mask | None, ...], tuple[Mask | None, ...]]:
-        """(H, W) the region of the persons in every view, and where it is held by the model's shape alone.
+        """(H, W) the region of the persons in every view, and where only the model's shape holds it.
 
-        None where nothing can be said.
+        None if there is none.
 
         Args:
-            seen: the frame, and what is known.
-            scene: the persons at about the poses expected.
+            seen: the frame, and the knowledge.
+            scene: the persons near the expected poses.
         """
         if seen.blind:
             return ((None,) * len(scene.rig),) * 2
@@ -163,20 +163,20 @@ class LevelSetEvidence(SilhouetteEvidence):
         return tuple(region for region, _ in found), tuple(held for _, held in found)
 
     def _put(self, asked: Comparison) -> Comparison:
-        """The question as it is put to silhouettes."""
+        """The question for silhouettes."""
         return replace(asked, observed=asked.observed.foregrounds(asked.scene, self))
 
     def stages(
         self, sight: Sight, v: int, masks: tuple[Mask, Mask], known: Densities | None, n_steps: Sequence[int]
     ) -> tuple[Mask, ...]:
-        """(H, W) the region in a view after so many steps each, for pictures; empty where nothing can be said.
+        """(H, W) the region in a view after each number of steps, for pictures; empty if there is none.
 
         Args:
             sight: the frame.
             v: number of the view.
-            masks: (H, W) where the contour begins, and the silhouette that is its shape prior.
+            masks: (H, W) the initial contour, and the silhouette that is its shape prior.
             known: densities of the view; None takes those of the prior.
-            n_steps: of the way chosen.
+            n_steps: of the chosen minimization.
         """
         found = self._around(sight, v, masks[1])
         known = None if found is None else known or found.taught(found.prior > 0)
@@ -214,7 +214,7 @@ class LevelSetEvidence(SilhouetteEvidence):
         return Forces(odds, self.length, seen.prior, self.shape)
 
     def _drawn(self, start: Mask, forces: Forces, n_steps: int | None = None) -> Mask:
-        """The region that a contour is drawn to from a start; as far as it goes, or so many steps."""
+        """The region of a contour drawn from a start, until it rests or for so many steps."""
         most = {} if n_steps is None else {"n_steps": n_steps}
         return descent(start, forces, **most)[0] if self.way == "descent" else threshold_dynamics(start, forces, **most)
 

@@ -1,6 +1,6 @@
-"""Evidence of motion in the images: what is printed on clothes and skin moves with the part that carries it.
+"""Evidence of motion in the images: texture on clothes and skin moves with the part that carries it.
 
-Contours do not show how a round trunk is turned about its axis, nor an arm before a trunk of the same colour. T. Brox,
+Contours show neither the turn of a round trunk about its axis, nor an arm before a trunk of the same colour. T. Brox,
 B. Rosenhahn, J. Gall and D. Cremers, Combined region and motion-based 3D tracking of rigid and articulated objects,
 PAMI 2010, add optical flow to regions for that; here it is the flow of textured places (Lucas & Kanade 1981).
 """
@@ -29,17 +29,17 @@ from tracker.kernels.descent import Kinds, Places
 from tracker.kernels.rows import CarriedPlaceRow
 
 _FACING = 0.1
-"""A place is taken for seen where its surface faces the camera by this cosine: beyond it something else is followed."""
+"""Least cosine between a place's surface normal and the camera: beyond it the place is something else."""
 
 # See docs/lab/motion.md.
 _MARGIN_PX = 3
-"""Least distance of a new place from the boundary of what the view shows of its part, px: what is followed there may
-be what lies behind it. With none between parts an arm was off in 9 to 13 frames from one start."""
+"""Least distance of a new place from the boundary of its visible part, px: near it the place may lie behind the part.
+Without a distance between parts an arm was off in 9 to 13 frames from one start."""
 
 
 @dataclass(frozen=True, eq=False)
 class Remembered:
-    """What was known after a frame: its images, and the places on them."""
+    """Knowledge after a frame: its images, and the places on them."""
 
     images: tuple[Grey | None, ...]
     """(H, W) of each view."""
@@ -48,15 +48,15 @@ class Remembered:
     """(P, 4, 4) the scene's parts in the world."""
 
     anchors: Anchors
-    """Those of all views, nobody's included."""
+    """Places of all views, including those without a person."""
 
     turn: int
-    """View whose places were looked over."""
+    """View whose places were renewed last."""
 
 
 @dataclass(frozen=True)
 class ObservedMotion:
-    """Where the places of the frame before are now."""
+    """Positions of the earlier places in this frame."""
 
     seen: tuple[bool, ...]
     """Views that are not missing."""
@@ -65,12 +65,12 @@ class ObservedMotion:
     """Those on parts."""
 
     shares: Array
-    """(N,) what each counts."""
+    """(N,) weights."""
 
     _own: dict[int, tuple[Anchors, Array]] = field(default_factory=dict, repr=False, compare=False)
 
     def of(self, asked: Comparison) -> tuple[Anchors, Array]:
-        """Those on a person, and what each counts."""
+        """Those on a person, and their weights."""
         if asked.person not in self._own:
             parts = self.anchors.parts
             rows = np.flatnonzero((parts >= asked.own.start) & (parts < asked.own.stop))
@@ -82,40 +82,40 @@ class ObservedMotion:
 class MotionEvidence(Evidence):
     """Textured places on the persons, followed from one image to the next.
 
-    A place was put where a pose had its part, so it confirms no pose: it is used beside other kinds of evidence, in
-    refinements. It says nothing in a first frame.
+    A place was attached at a pose, so it confirms no pose: it is used beside other kinds of evidence, in refinements.
+    It is silent in a first frame.
     """
 
     window_px: int = pydantic.Field(default=11, ge=5, le=31)
-    """Side of what is compared around a place, px; arms are 20 to 25 px wide at 720x576."""
+    """Side of the compared window around a place, px; arms are 20 to 25 px wide at 720x576."""
 
     spacing_px: int = pydantic.Field(default=8, ge=2)
     """Least distance of new places from others in an image, px."""
 
     facing: float = pydantic.Field(default=0.5, gt=0, lt=1)
-    """Places are taken where the surface faces the camera by at least this cosine."""
+    """Least cosine between surface normal and camera for new places."""
 
     surface_m: float = pydantic.Field(default=0.015, gt=0)
-    """Standard deviation of the model's surface from the true one, metres: how deep a place lies."""
+    """Standard deviation of the model's surface from the true one, metres: the depth of a place."""
 
     slide_m: float = pydantic.Field(default=0.008, gt=0)
     """Standard deviation of a place against the rigid part that carries it, metres: clothes slide, skin stretches."""
 
     drift_px: float = pydantic.Field(default=0.15, gt=0)
-    """Standard deviation of following from one image to the next, px: what has been followed for long is less sure."""
+    """Standard deviation of following from one image to the next, px: places followed for long are less sure."""
 
     observations: float = pydantic.Field(default=8.0, gt=0)
-    """Most independent observations that the places on a part count as in a view."""
+    """Most independent observations of the places on a part in a view."""
 
     reach_px: float = pydantic.Field(default=3.0, gt=0)
-    """A place that is off by this, or by three standard deviations, has a quarter of its weight: places on what was
-    the wrong limb are not to hold it where it is."""
+    """A place that is off by this, or by three standard deviations, has a quarter of its weight: places on a wrong limb
+    must not hold it there."""
 
     outlier_sigmas: float = pydantic.Field(default=4.0, gt=0)
-    """A place farther than this from where its part carries it disagrees, standard deviations."""
+    """A place farther than this from its position by the part disagrees, standard deviations."""
 
     patience: int = pydantic.Field(default=2, ge=1)
-    """Frames on end in which a place may disagree before it is given up."""
+    """Consecutive frames in which a place may disagree before it is dropped."""
 
     def look(self, sight: Sight, around: Contours) -> None:
         """Makes the images grey ahead."""
@@ -130,11 +130,11 @@ class MotionEvidence(Evidence):
         return ObservedMotion(seen, anchors, anchors.shares(self.observations))
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
-        """(B,) mean distance of the places from where parts carry them, over places and views, px; 0 without any."""
+        """(B,) mean distance of places from their positions by the parts, over places and views, px; 0 without any."""
         return over_views(self._per_view(asked, poses), 0.0)
 
     def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
-        """Brings the places to where the images show them, robustly weighted (Geman & McClure)."""
+        """Brings the parts to their places in the images, robustly weighted (Geman & McClure)."""
         anchors, shares = asked.observed.of(asked)
         if not len(shares):
             return Equations.nothing(asked.body.dof)
@@ -155,7 +155,7 @@ class MotionEvidence(Evidence):
         return Equations(*anchor_equations(*put))
 
     def kinds(self, asked: Comparison) -> Kinds | None:
-        """The places on the person; nothing where there are none."""
+        """The places on the person; empty without any."""
         if type(self) is not MotionEvidence:
             return None
         anchors, shares = asked.observed.of(asked)
@@ -165,7 +165,7 @@ class MotionEvidence(Evidence):
         return Kinds(places=Places(1.0, 0.0, anchors.carried, counted, self.slide_m, self.reach_px, _FACING))
 
     def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
-        """Places where the image shows them, with a line to where the pose carries them; red if that is too far."""
+        """Places where the image shows them, with a line to their position by the pose; red if that is too far."""
         image, (anchors, _) = sight.frame.images[view], asked.observed.of(asked)
         anchors = anchors.chosen(anchors.views == view)
         if image is None or not len(anchors.parts):
@@ -174,19 +174,20 @@ class MotionEvidence(Evidence):
         gaps = found[:, [CarriedPlaceRow.U, CarriedPlaceRow.W]]
         off = (gaps**2).sum(axis=1) > 2 * self.outlier_sigmas**2 * found[:, CarriedPlaceRow.VARIANCE]
         picture = gaps_picture(image, anchors.pixels, anchors.pixels + gaps, off)
-        return (EvidencePicture("places followed, and where the pose carries them", picture),)
+        return (EvidencePicture("places followed, and their positions by the pose", picture),)
 
     def account(self, asked: Comparison, q: Array) -> Account:
-        """The distance alone: what was attached where a pose had its parts explains nothing."""
+        """The distance alone: places attached at a pose explain nothing."""
         nothing, per_view = np.zeros(len(asked.body.parts)), self._per_view(asked, q[None])
         distance_px = float(over_views(per_view, 0.0)[0])
         return Account(distance_px, per_view[0], np.full(len(nothing), np.nan), nothing, nothing, nothing)
 
     def learned(self, memory: Memory, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask) -> Remembered:
-        """The places after a frame: those that left their parts are given up, new ones taken where parts are trusted.
+        """The places after a frame: those that left their parts are dropped, new ones attached to trusted parts.
 
-        New ones in every view in turn, at once where a view has none. What stands still while its part moves on is
-        before the part: it stays, as nobody's, as long as it is seen, for nothing is to be attached there again.
+        One view in turn gets new ones; a view without any gets them at once. A place that stands still while its part
+        moves on is
+        before the part: it stays, without a part, as long as it is visible, so that nothing is attached there again.
         """
         known = None if memory is None or memory is GUESSED else memory
         images = tuple(_grey(sight, v) for v in range(len(sight.frame.images)))
@@ -222,7 +223,7 @@ class MotionEvidence(Evidence):
         return sight.joined((MotionEvidence, self.window_px, self.drift_px), (memory,), find)
 
     def _judged(self, anchors: Anchors, scene: Scene, trusted: Mask) -> Anchors:
-        """Places at the poses of a frame, without those that their parts no longer carry; nobody's before the parts."""
+        """Places at the poses of a frame, except those that left their parts; places that block a part lose it."""
         found = anchors.residuals(scene.world_from_parts(), scene.rig, self.slide_m)
         squares = found[:, CarriedPlaceRow.U] ** 2 + found[:, CarriedPlaceRow.W] ** 2
         blocking = anchors.standing & (squares > self.reach_px**2)

@@ -1,7 +1,7 @@
-"""Evidence of followed points: what is printed on clothes and skin moves with the part that carries it.
+"""Evidence of followed points: texture on clothes and skin moves with the part that carries it.
 
-Contours of round limbs do not show how they are turned about their long axes; points on them do. A point is attached
-where it is seen first, to the fitted surface, and stays there: attached anew in every frame it would say nothing.
+Contours of round limbs do not show their turn about their long axes; points on them do. A point is attached
+once, where it is first seen on the fitted surface, and stays there: attached anew in every frame it would say nothing.
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ from tracker.images.sight import Sight
 log = logging.getLogger("tracker")
 
 _WORTH_PX = 20.0
-"""Contour that an independent point counts as where lengths are added up, px: as a keypoint does."""
+"""Contour that an independent point counts as in sums of lengths, px: as a keypoint does."""
 
 _MOST_TIMES = 2
-"""A point that was dropped may be attached once more; one that goes wrong twice lies on nothing rigid."""
+"""Number of attachments: a dropped point may be attached once more; one that goes wrong twice lies on nothing rigid."""
 
 
 @dataclass(frozen=True)
 class ObservedPoints:
-    """What is followed in a frame, and what holds it."""
+    """Points of a frame, and their attachments."""
 
     frame: int
     seen: tuple[bool, ...]
     """Views that are not missing."""
 
     attached: Attachments | None
-    """None where nothing is attached yet, or the pose expected is but a guess."""
+    """None if nothing is attached yet, or the expected pose is only a guess."""
 
     _held: dict[int, Held] = field(default_factory=dict, repr=False, compare=False)
 
@@ -65,55 +65,54 @@ class ObservedPoints:
 class PointEvidence(Evidence):
     """Points that `bodytrack follow` has followed on the person, attached to the parts that carry them.
 
-    Robust against points that were attached wrongly or have slipped: they weigh little, and those that disagree in
-    several frames on end are dropped, which the log tells.
+    It is robust against points that were attached wrongly or have slipped: they have little weight, and points that
+    disagree in several consecutive frames are dropped and logged.
     """
 
     path: PathPattern
     """`trajectories.csv` of `bodytrack follow`, or its result folder: points in space, or, with `{view}` in the path,
-    those that were followed in the images of single views (2-D mode). Frames are numbered as in the recording."""
+    points followed in the images of single views (2-D mode). Frames are numbered as in the recording."""
 
     downscale: int | None = pydantic.Field(default=None, ge=1, le=16)
-    """How much larger the images were in which points were followed; where nothing is said: as they were recorded."""
+    """Size of the images in which points were followed, over that of the tracked images; default: as recorded."""
 
     directions: Literal["around", "all"] = "around"
-    """What a refinement takes from a point: how far it has turned about the long axis of its part, if the part can turn
-    so by itself, which is what contours do not show; or all of its motion."""
+    """Use of a point in a refinement: its turn about the long axis of its part, if the part can turn so by itself,
+    because contours do not show that; or all of its motion."""
 
     facing: float = pydantic.Field(default=0.5, gt=0, lt=1)
-    """Points are attached where the surface faces the camera by at least this cosine: patches at contours show what
-    lies behind."""
+    """Least cosine between surface normal and camera for attaching points: patches at contours show the background."""
 
     near_m: float = pydantic.Field(default=0.04, gt=0)
-    """Points in space are attached to surfaces no farther away than this, metres."""
+    """Largest distance of points in space from the surface to which they are attached, metres."""
 
     surface_m: float = pydantic.Field(default=0.015, gt=0)
-    """Standard deviation of the fitted surface from the true one, metres: how deep a point of an image lies."""
+    """Standard deviation of the fitted surface from the true one, metres: the depth of a point of an image."""
 
     slide_m: float = pydantic.Field(default=0.008, gt=0)
     """Standard deviation of a point against the rigid part that carries it, metres: clothes slide, skin stretches."""
 
     observations: float = pydantic.Field(default=8.0, gt=0)
-    """Most independent observations that the points of a part count as in a view: what moves the clothes, and what was
-    wrong with the pose they were attached at, moves all of them."""
+    """Most independent observations of the points of a part in a view: clothes, and errors of the pose at which they
+    were attached, move all of them."""
 
     outlier_sigmas: float = pydantic.Field(default=4.0, gt=0)
-    """A point farther than this from where its part should carry it disagrees, standard deviations."""
+    """A point farther than this from its position by the part disagrees, standard deviations."""
 
     patience: int = pydantic.Field(default=3, ge=1)
-    """Frames on end in which a point may disagree before it is dropped."""
+    """Consecutive frames in which a point may disagree before it is dropped."""
 
     def tables(self, rig: Rig) -> tuple[Followed, ...]:
         """The followed points, read once."""
         return open_followed(self.path, rig.names, tuple(self.downscale or one.downscale for one in rig.cameras))
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> ObservedPoints:
-        """Which frame is asked about, and what is attached; see `tracker.evidence.Evidence.observe`."""
+        """Names the frame, and its attachments; see `tracker.evidence.Evidence.observe`."""
         seen = tuple(image is not None for image in sight.frame.images)
         return ObservedPoints(sight.frame.index, seen, None if memory is GUESSED else memory)
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
-        """(B,) distance of the points from where their parts carry them, averaged over points and views, px."""
+        """(B,) distance of the points from their positions by the parts, averaged over points and views, px."""
         return over_views(self._per_view(asked, poses), 0.0)
 
     def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
@@ -128,7 +127,7 @@ class PointEvidence(Evidence):
             turned = turning(asked.body)[held.part]
         variance = np.maximum(found.variance, 1e-6)
         squares = (found.residual**2).sum(axis=1)
-        # what is off by the gate, or by three standard deviations, has a quarter of its weight
+        # a point off by the gate, or by three standard deviations, has a quarter of its weight
         robust = (1 + squares / ((0.5 * gate_px) ** 2 + 9 * variance)) ** -2
         weights = robust * held.shares(self.observations) * (found.seen & turned & ~held.suspect) / variance
         n = found.residual.shape[1]
@@ -149,28 +148,28 @@ class PointEvidence(Evidence):
         return Account(distance_px, per_view[0], per_part, visible, explained, np.zeros(n_parts))
 
     def learned(self, memory: Memory, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask) -> Attachments:
-        """What is attached after a frame: wrong points are dropped, new ones attached where parts are trusted."""
+        """The attachments after a frame: wrong points are dropped, new ones attached to trusted parts."""
         attached: Attachments = Attachments.none() if memory is None or memory is GUESSED else memory
         seen = tuple(image is not None for image in sight.frame.images)
         attached = self._after(attached, sight.frame.index, seen, scene, trusted)
         return attached.joined(self._fresh(attached, sight.frame.index, seen, scene, trusted))
 
     def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
-        """Followed points where the frame has them, with a line to where their parts carry them; red if too far."""
+        """Followed points of the frame, with a line to their positions by the parts; red if too far."""
         image, held = sight.frame.images[view], asked.observed.held(self, asked)
         here = (held.view == view) | (held.view < 0)
         if image is None or not here.any():
-            return (EvidencePicture("points: none is attached that this view shows", None),)
+            return (EvidencePicture("points: this view shows no attached point", None),)
         q, rig = asked.scene.persons[asked.person].q, asked.scene.rig
         wrong = held.residuals(asked.body, q, rig, self.slide_m).beyond(self.outlier_sigmas)
         carried = rig.cameras[view].project(held.world(asked.body, q[None])[0])
         shown = np.where(held.view[:, None] < 0, rig.cameras[view].project(held.seen_at), held.seen_at[:, :2])
         picture = gaps_picture(image, shown[here], carried[here], wrong[here])
-        return (EvidencePicture("followed points, and where their parts carry them", picture),)
+        return (EvidencePicture("followed points, and their positions by the parts", picture),)
 
     @property
     def _most_m(self) -> float:
-        """Distance from which a point is simply wrong, metres."""
+        """Distance from which on a point is wrong, metres."""
         return self.outlier_sigmas * float(np.hypot(self.slide_m, self.surface_m))
 
     def _per_view(self, asked: Comparison, poses: Array) -> Array:
@@ -210,7 +209,7 @@ class PointEvidence(Evidence):
     def _fresh(
         self, attached: Attachments, frame: int, seen: tuple[bool, ...], scene: Scene, trusted: Mask
     ) -> Attachments:
-        """Points that the frame shows and no part carries, on the parts where they lie."""
+        """Points of the frame without a part, on the parts at their places."""
         found = Attachments.none()
         for k, table in enumerate(self.tables(scene.rig)):
             if table.view >= 0 and not seen[table.view]:
@@ -242,7 +241,7 @@ class PointEvidence(Evidence):
         return Attachments.of(points, part, met.point, covariance)
 
     def _in_space(self, scene: Scene, points: Integers, places: Array, noise: Array) -> Attachments:
-        """Points in space, on the nearest part; none where two parts are equally near."""
+        """Points in space, on the nearest part; none if two parts are equally near."""
         placed = scene.world_from_parts()[0]
         part, distance, lead = nearest_parts(places, placed, scene.shapes)
         part = np.where((np.abs(distance) <= self.near_m) & (lead > self.slide_m), part, -1)

@@ -1,8 +1,7 @@
-"""Evidence of regions: the colours of the body's parts and of what is beside them, on lines across the contours.
+"""Evidence of regions: the colours of the body's parts and of their surroundings, on lines across the contours.
 
-Needs no clean plates; in images of monochrome cameras texture takes the place of colours. After M. Stoiber et al., A
-Sparse Gaussian Approach to Region-Based 6DoF Object Tracking, ACCV 2020, with a pair of colour tables for each part and
-view.
+It needs no clean plates; in images of monochrome cameras texture replaces colours. After M. Stoiber et al., A Sparse
+Gaussian Approach to Region-Based 6DoF Object Tracking, ACCV 2020, with a pair of colour tables for each part and view.
 """
 
 from __future__ import annotations
@@ -44,8 +43,8 @@ from tracker.kernels.rows import SuperquadricRow
 # As for contours: a sample and its neighbours share one line of pixels and one interpolation.
 _PX_PER_OBSERVATION = 16.0
 
-# How much farther than around a prediction colours are read ahead, a factor: 24 px of 720 more, which is what persons
-# move from one frame to the next. Where they move farther colours are read again.
+# Margin of the colours read in advance, over that around a prediction: 24 px of 720 more, the movement of persons from
+# one frame to the next. Where they move farther colours are read again.
 _AHEAD = 1.4
 
 # Distance where nothing can be compared, px: half of a line on the wrong side, as in a picture of one colour.
@@ -54,22 +53,22 @@ _NOTHING_PX = 8.0
 
 @dataclass(frozen=True)
 class ObservedRegions:
-    """The colours around the persons, and what is known of them."""
+    """The colours around the persons, and the knowledge of them."""
 
     picture: Picture
     memory: Colours | None
-    """What the frames before have taught."""
+    """Knowledge from the frames before."""
 
     expected: Contours | None
-    """Contours of the prediction: teach the colours where there was no frame before; None if they must not."""
+    """Contours of the prediction: they teach the colours if there was no frame before; None if they must not."""
 
     _first: list[Colours] = field(default_factory=list, repr=False, compare=False)
 
     def colours(self, scene: Scene, spans: tuple[float, float]) -> Colours | None:
-        """The colours known, of a scene at about the predicted poses; None if nothing was predicted either.
+        """The colours known, of a scene near the predicted poses; None without a prediction.
 
-        A first pose judged by its own colours is not confirmed by them: a limb that lies on the background finds the
-        same colours on both sides of its contour.
+        A first pose is not confirmed by its own colours: a limb on the background finds the same colours on both sides
+        of its contour.
         """
         if self.memory is None and self.expected is not None and not self._first:
             everything = np.ones((len(scene.rig), len(scene.shapes)), dtype=np.bool_)
@@ -81,34 +80,35 @@ class ObservedRegions:
 class RegionEvidence(Evidence):
     """Colour of the parts on lines across their contours, learnt where parts can be trusted.
 
-    In a first frame the colours are those at the start pose; where there is none, or it is but a guess, it is silent.
+    In a first frame the colours are those at the start pose; without a start, or if it is only a guess, the evidence is
+    silent.
     """
 
     from_start: bool = True
-    """Learn from a start pose before it is judged. Without plates nothing else holds it; with them colours can wait for
-    a frame to be trusted, and a wrong start is not confirmed by the colours of what it covers."""
+    """Learn from a start pose before it is judged. Without plates nothing else holds it. With plates, colours can wait
+    for a trusted frame, so that a wrong start is not confirmed by the colours it covers."""
 
     step_m: float = pydantic.Field(default=0.005, gt=0)
-    """Distance of the places on a line on the body, metres; never less than a pixel."""
+    """Distance of the samples on a line on the body, metres; at least a pixel."""
 
     reach: int = pydantic.Field(default=7, ge=2)
-    """Largest shift of a contour that a line can tell, steps."""
+    """Largest shift of a contour that a line can show, steps."""
 
     widest: float = pydantic.Field(default=2.0, ge=1)
-    """How much wider the steps are while the pose may still be far off, at most; a factor."""
+    """Largest factor that widens the steps while the pose may still be far off."""
 
     slack: float = pydantic.Field(default=0.07, gt=0, lt=0.5)
-    """Share of the places on a line that belong to the other side in spite of their colour, 0 to 1."""
+    """Share of the samples on a line that belong to the other side in spite of their colour, 0 to 1."""
 
     news: float = pydantic.Field(default=0.15, gt=0, le=1)
-    """Share of a new frame in the colour tables: half of what was known is forgotten in four frames."""
+    """Share of a new frame in the colour tables: four frames forget half."""
 
     around: float = pydantic.Field(default=1 / 12, ge=0, le=1)
-    """Colours are read so far around the prediction, as a share of an image's longer side; beyond it they tell nothing.
-    60 px of 720 are more than twice what lines of 22 steps take there."""
+    """Margin around the prediction, as a share of an image's longer side; colours beyond it do not count. 60 px of 720
+    are more than twice the reach of lines of 22 steps there."""
 
     def look(self, sight: Sight, around: Contours) -> None:
-        """Reads the colours around the persons ahead."""
+        """Reads the colours around the persons in advance."""
         colour_numbers(sight, around, _AHEAD * self.around)
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Colours | None = None) -> ObservedRegions:
@@ -119,7 +119,7 @@ class RegionEvidence(Evidence):
         return ObservedRegions(picture, memory, expected if self.from_start else None)
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
-        """(B,) how much of a line across the contour lies on the wrong side, averaged over contour and views, px."""
+        """(B,) length of a line across the contour on the wrong side, averaged over contour and views, px."""
         misfits = self._misfits(asked, poses)
         if misfits is None:
             return np.zeros(len(poses))
@@ -140,7 +140,7 @@ class RegionEvidence(Evidence):
         return Equations(*found)
 
     def kinds(self, asked: Comparison) -> Kinds | None:
-        """The lines across contours; nothing before any colour is known."""
+        """The lines across contours; empty before any colour is known."""
         if type(self) is not RegionEvidence:
             return None
         colours = self._colours(asked)
@@ -169,17 +169,17 @@ class RegionEvidence(Evidence):
         """The colours beside the contours of trusted parts; see `Colours.after`."""
         if not trusted.any():
             return memory
-        # As far as lines go, in small images and close by farther than `around`: or what is learnt would depend
-        # on what was looked at before in this sight, which is nothing where a resumed run replays its journal.
+        # As far as lines reach; in small images and close by farther than `around`. Otherwise learning would depend on
+        # earlier reads of this sight, and a resumed run that replays its journal has none.
         longest_px = np.empty(len(scene.rig))
         longest_lines(_samples_of(fitted), scene.rig.packed, self.step_m, longest_px)
         picture = picture_around(sight, fitted, self.around, longest_px)
         return _taught(memory, picture, scene, fitted, trusted, self._spans)
 
     def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
-        """White where a pixel has the colours of the part whose contour is nearest, black where of what is beside it.
+        """White: a pixel has the colours of the nearest contour's part; black: those of the surroundings.
 
-        Blue: something that has hidden the part has this colour, or the part's are not known in this view.
+        Blue: a thing that has hidden the part has this colour, or the part's colours are unknown in this view.
         """
         image, colours = sight.frame.images[view], self._colours(asked)
         found = asked.fine(asked.scene.persons[asked.person].q).of(view)
@@ -203,7 +203,7 @@ class RegionEvidence(Evidence):
         return known
 
     def rule(self, gate_px: float = 0.0) -> Rule:
-        """How lines are read where the contour may be so far off, px."""
+        """Sampling of lines if the contour may be so far off, px."""
         return Rule(self.step_m, self.reach, self.slack, FLOOR, gate_px, self.widest)
 
     def _misfits(self, asked: Comparison, poses: Array) -> Array | None:
@@ -243,7 +243,7 @@ def _taught(
     trusted: Mask,
     spans: tuple[float, float],
 ) -> Colours:
-    """What is known after the contours of the scene at its poses have taught the colours of trusted parts (V, P)."""
+    """The knowledge after the contours of the scene at its poses have taught the colours of trusted parts (V, P)."""
     memory = memory or Colours.none(len(scene.rig), scene.shapes)
     samples = _samples_of(contours)
     beside = _seen_beside(scene, scene.world_from_parts(), _first_of(contours), spans[0])[0]

@@ -1,4 +1,4 @@
-"""Evidence of silhouettes: the foreground that the model covers, and what it covers beside it."""
+"""Evidence of silhouettes: the foreground that the model covers, and its cover beside the foreground."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ _STEP = 0.955
 class Foregrounds(SmallPictures):
     """The moving foreground of all V views.
 
-    Of the two pictures one is what it costs to cover a pixel, the other what covering it is worth.
+    One of the two pictures is the cost of covering a pixel, the other its worth.
     """
 
     masks: tuple[Mask | None, ...]
-    """(H, W) each; None where image or plate is missing."""
+    """(H, W) each; None if image or plate is missing."""
 
     worth: Array
-    """(V,) sum of what covering is worth; 0 where there is no foreground."""
+    """(V,) sum of the worth; 0 without a foreground."""
 
     least: Array
-    """(V,) what distances are shares of at least, in the unit of `worth`."""
+    """(V,) least divisor of distances, in the unit of `worth`."""
 
     unknown: tuple[Mask | None, ...] = ()
-    """(H, W) of each view where it is not known what is foreground; None, or no views, for nowhere."""
+    """(H, W) unknown pixels of each view; None, or no views, for none."""
 
     @cached_property
     def outlines(self) -> Observation:
@@ -57,9 +57,9 @@ class Foregrounds(SmallPictures):
 
 @component
 class SilhouetteEvidence(Evidence):
-    """How much of the foreground a pose leaves bare, and how far it reaches beyond it; needs background plates.
+    """The foreground that a pose leaves bare, and its cover beyond; needs background plates.
 
-    A displaced limb lies outside the foreground however many edges lie around it: in a search this term finds limbs
+    A displaced limb lies outside the foreground, however many edges lie around it: in a search this term finds limbs
     that edges alone lose. A refinement moves the model's outline to that of the foreground.
     """
 
@@ -67,13 +67,13 @@ class SilhouetteEvidence(Evidence):
     """Distance of a pose that covers nothing of the foreground, px."""
 
     reach_px: float = pydantic.Field(default=20.0, gt=0)
-    """What lies this far outside of the foreground, or farther, costs as much as its inside is worth, px."""
+    """A pixel this far outside of the foreground, or farther, costs as much as one inside is worth, px."""
 
     direction_deg: float = pydantic.Field(default=40.0, gt=0, le=90)
     """Largest angle between the outlines of model and foreground in a refinement, degrees."""
 
     votes: bool = False
-    """Pair a segment of the foreground's outline with one limb alone in a refinement; see `similarity.chamfer`."""
+    """Pair a segment of the foreground's outline with only one limb in a refinement; see `similarity.chamfer`."""
 
     explained_px: float = pydantic.Field(default=5.0, gt=0)
     """A sample of the model's outline this close to the foreground's counts as explained, px."""
@@ -83,26 +83,26 @@ class SilhouetteEvidence(Evidence):
 
     # See docs/lab/acquired_starts.md.
     least_share: float = pydantic.Field(default=0.3, ge=0, le=1)
-    """What the size of a foreground counts at least as, as a share of what the model covered shortly before. Beside
-    somebody who stays plates made of the recording know of a fingertip alone in some views: left bare it cost as much
-    as a whole person, and held an arm straight that bends, for 8 frames. With 0.05 joints of four recordings are the
-    same, but one has an arm in doubt in 34 of 270 frames instead of 16."""
+    """Least size of a foreground in the distance, as a share of the model's earlier cover. Beside
+    a person who stays, plates made from the recording showed only a fingertip in some views: left bare it cost as much
+    as a whole person, and held a bending arm straight for 8 frames. With 0.05 joints of four recordings are the same,
+    except that one has an arm in doubt in 34 of 270 frames instead of 16."""
 
     margin_px: float = pydantic.Field(default=48.0, ge=0)
-    """The foreground is looked for this far beyond the expected contours, px."""
+    """Margin of the search for foreground around the expected contours, px."""
 
     def look(self, sight: Sight, around: Contours) -> None:
-        """Makes ready the foregrounds that other evidence has found ahead."""
+        """Prepares the foregrounds that other evidence has found in advance."""
         masks = tuple(map(sight.silhouette, range(len(sight.plates))))
         if any(mask is not None for mask in masks):
             self._ready(sight, masks)
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> Foregrounds:
-        """The foreground near what is expected; see `tracker.evidence.Evidence.observe`."""
+        """The foreground near the expected pose; see `tracker.evidence.Evidence.observe`."""
         return self._ready(sight, tuple(self._mask(sight, expected, v) for v in range(len(sight.plates))))
 
     def _ready(self, sight: Sight, masks: tuple[Mask | None, ...]) -> Foregrounds:
-        """Masks (H, W) of all views made ready to be compared, once."""
+        """Masks (H, W) of all views, prepared once."""
         views = range(len(masks))
         told = tuple(map(sight.unknown, views)), tuple(map(sight.model_px, views))
         ready: Foregrounds = sight.joined(self, masks, lambda _: self.seen(masks, *told))
@@ -114,12 +114,12 @@ class SilhouetteEvidence(Evidence):
         unknown: tuple[Mask | None, ...] = (),
         model_px: tuple[float | None, ...] = (),
     ) -> Foregrounds:
-        """Foregrounds made ready to be compared.
+        """Foregrounds prepared for comparison.
 
         Args:
             masks: (H, W) of each view; None for a view without one.
-            unknown: (H, W) of each view, where covering it neither costs nor is worth anything; None for nowhere.
-            model_px: what the persons covered shortly before in each view, px; None where that is not known.
+            unknown: (H, W) pixels of each view without cost and worth; None for none.
+            model_px: cover of the persons shortly before in each view, px; None if unknown.
         """
         longest = max((max(mask.shape) for mask in masks if mask is not None), default=_SMALL_PX)
         factor = max(1, round(longest / _SMALL_PX))
@@ -137,7 +137,7 @@ class SilhouetteEvidence(Evidence):
         return Foregrounds(factor, *packed, masks, frozen(worth), frozen(least), unknown)
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
-        """(B,) what is left bare and what is covered beside it, as shares of the foreground; mean over the views."""
+        """(B,) bare foreground and cover beside it, as shares of the foreground; mean over the views."""
         return over_views(self._per_view(asked, poses), 0.0)
 
     def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
@@ -146,17 +146,17 @@ class SilhouetteEvidence(Evidence):
         return ChamferSimilarity(direction_deg=self.direction_deg, votes=self.votes).equations(outlines, q, gate_px)
 
     def account(self, asked: Comparison, q: Array) -> Account:
-        """What of the model's outline lies on the foreground's, and what of that it misses."""
+        """The model's outline on the foreground's, and the part of that it misses."""
         per_view = self._per_view(asked, q[None])
         near_px, distances = (self.explained_px, self.missed_px), (float(over_views(per_view, 0.0)[0]), per_view[0])
         outer, n_parts = self._outer(asked, q), len(asked.scene.shapes)
         return shares(outer, asked.observed.outlines, n_parts, near_px, distances).of(asked.own)
 
     def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
-        """The foreground white, shadows and other changes grey, what the plate does not know blue."""
+        """The foreground white, shadows and other changes grey, pixels unknown to the plate blue."""
         image, mask = sight.frame.images[view], asked.observed.masks[view]
         if image is None or mask is None:
-            return (EvidencePicture("silhouettes: no foreground, for want of a plate or of trust in it", None),)
+            return (EvidencePicture("silhouettes: no foreground, because the plate is missing or not trusted", None),)
         changes = sight.changes(view, (0, 0, image.shape[1], image.shape[0]))
         unknown = sight.unknown(view)
         picture = np.zeros(image.shape, dtype=np.uint8)
@@ -178,7 +178,7 @@ class SilhouetteEvidence(Evidence):
         return per_view
 
     def _outer(self, asked: Comparison, q: Array) -> Contours:
-        """The contours of a pose (dof,) without what lies before another part of the model."""
+        """The contours of a pose (dof,) except those before another part of the model."""
         contours, scene = asked.fine(q), asked.scene.with_pose(asked.person, q)
         positions = contours.positions.copy()
         positions[0, ..., 4] = np.where(on_outline(contours, scene, asked.synthesis), positions[0, ..., 4], 0)
@@ -196,7 +196,7 @@ class SilhouetteEvidence(Evidence):
     def _picture(self, mask: Mask, unknown: Mask | None, factor: int) -> Array32 | None:
         """(h, w, 2) cost and worth of covering each pixel of a small picture; the rim of the foreground counts less.
 
-        None where no pixel of it is foreground: of specks alone nothing has a distance.
+        None without a foreground pixel: specks alone have no distance.
         """
         inside = _smaller(mask, factor) >= 0.5
         if not inside.any():
@@ -214,7 +214,7 @@ class SilhouetteEvidence(Evidence):
 
 
 def _around(mask: Mask, margin: int) -> tuple[slice, slice]:
-    """The box of a mask (h, w) that is not empty, wider by so many pixels on all sides, as far as there are."""
+    """The box of a mask (h, w) that is not empty, wider by so many pixels on all sides, inside the image."""
     x, y, width, height = cv2.boundingRect(mask.view(np.uint8))
     return slice(max(y - margin, 0), y + height + margin), slice(max(x - margin, 0), x + width + margin)
 

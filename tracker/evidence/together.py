@@ -28,7 +28,7 @@ from tracker.kernels.descent import Asked, Kinds
 
 # A choice: half the residual counts 16 times.
 _SHARPNESS = 4.0
-# What a compiled refinement is on, see `tracker.kernels.descent.Kinds`.
+# Kinds of evidence that a compiled refinement uses, see `tracker.kernels.descent.Kinds`.
 _SAID = ("edges", "colours", "places")
 # Longer side of the images that thresholds in px are told for.
 _USUAL_PX = 720.0
@@ -36,26 +36,26 @@ _USUAL_PX = 720.0
 
 @component
 class TogetherEvidence(Evidence):
-    """The weighted sum of what several kinds of evidence say."""
+    """The weighted sum of several kinds of evidence."""
 
     of: tuple[Evidence, ...] = (ContourEvidence(), SilhouetteEvidence())
     """The kinds of evidence."""
 
     ranking: tuple[pydantic.NonNegativeFloat, ...] = (1.0, 1.0)
-    """What each of them counts in distances: where a search goes, and which of several poses is better."""
+    """Weights in distances: they direct the search, and rank poses."""
 
     refining: tuple[pydantic.NonNegativeFloat, ...] = (1.0, 0.0)
-    """What each of them counts in equations and in the shares of accounts. The outline of the foreground is that of
-    shadows and of what clothes do, and says nothing of limbs before the body: where it counted as much as edges, legs
-    that walk past each other were exchanged (72 instead of 29 mm)."""
+    """Weights in equations and in the shares of accounts. The outline of the foreground includes
+    shadows and clothes, and says nothing about limbs before the body: with the same weight as edges, legs that walk
+    past each other were exchanged (72 instead of 29 mm)."""
 
     exact_px: tuple[pydantic.NonNegativeFloat, ...] = ()
-    """For each kind: what its equations leave over, RMS where the longer side of images has 720 px and less in smaller
-    ones, under which it counts more in them, px; 0 for never, empty for none. A kind that fits so well knows the body;
-    see `auto`."""
+    """For each kind: RMS that its equations leave over below which it counts more in them, px, in images whose longer
+    side is 720 px, and less in smaller ones; 0 for never, empty for none. A kind that fits so well knows the body; see
+    `auto`."""
 
     def __post_init__(self) -> None:
-        """Checks that every kind has its weights, and that something is left to refine on.
+        """Checks that every kind has its weights, and that a refinement has at least one kind.
 
         Raises:
             ConfigError: it has not.
@@ -71,30 +71,30 @@ class TogetherEvidence(Evidence):
             )
 
     def check(self, scene: Scene) -> None:
-        """What each of them refuses."""
+        """Refuses what any of them refuses."""
         for one in self.of:
             one.check(scene)
 
     def told(self, known: Sequence[object | None]) -> str:
-        """What each of them goes by."""
+        """Their messages."""
         return "; ".join(filter(None, (one.told(known) for one in self.of)))
 
     def takes_part_plates(self) -> bool:
-        """If one of them does."""
+        """True if any of them does."""
         return any(one.takes_part_plates() for one in self.of)
 
     def look(self, sight: Sight, around: Contours) -> None:
-        """What each of them does ahead."""
+        """Prepares all of them."""
         for one in self.of:
             one.look(sight, around)
 
     def observe(self, sight: Sight, expected: Contours | None, memory: Memory = None) -> tuple[Observed, ...]:
-        """What each of them observes."""
+        """Their observations."""
         pairs = zip(self.of, self._memories(memory), strict=True)
         return tuple(one.observe(sight, expected, known) for one, known in pairs)
 
     def observe_again(self, asked: Comparison, q: Array) -> tuple[Observed, ...]:
-        """What each of them observes; see `tracker.evidence.Evidence.observe_again`."""
+        """Their repeated observations; see `tracker.evidence.Evidence.observe_again`."""
         pairs = zip(self.of, asked.observed, strict=True)
         return tuple(one.observe_again(asked.put(observed), q) for one, observed in pairs)
 
@@ -115,7 +115,7 @@ class TogetherEvidence(Evidence):
         return combined(found, weights)
 
     def kinds(self, asked: Comparison) -> Kinds | None:
-        """Those that are compiled; the others are asked. None where nothing is compiled."""
+        """The compiled kinds; the others are called. None if nothing is compiled."""
         counted = [k for k, weight in enumerate(self.refining) if weight > 0]
         found = {k: self.of[k].kinds(asked.put(asked.observed[k])) for k in counted}
         weighed = [k for k, own in found.items() if own is not None and _are_weighed(own)]
@@ -124,7 +124,7 @@ class TogetherEvidence(Evidence):
         return self._together(found, asked)
 
     def _together(self, found: Mapping[int, Kinds | None], asked: Comparison) -> Kinds | None:
-        """Kinds that say one thing each, and all others asked."""
+        """Kinds with one compiled form each; all others are called."""
         together, share, others = Kinds(), _share_of_usual(asked.scene.rig), []
         for k, own in found.items():
             weight, px = self.refining[k], share * (self.exact_px[k] if self.exact_px else 0.0)
@@ -149,7 +149,7 @@ class TogetherEvidence(Evidence):
         """Weighted sum of the shares, and the distance that ranks; see `tracker.evidence.measures.account.summed`."""
         questions = [asked.put(observed) for observed in asked.observed]
         found = {k: self.of[k].account(questions[k], q) for k, weight in enumerate(self.refining) if weight > 0}
-        # the distance of an account is what `distances` gives: it is not measured twice
+        # the distance of an account is that of `distances`: it is not measured twice
         parts = [
             weight * (found[k].distance_px if k in found else float(self.of[k].distances(questions[k], q[None])[0]))
             for k, weight in enumerate(self.ranking)
@@ -159,12 +159,12 @@ class TogetherEvidence(Evidence):
         return replace(shares, distance_px=float(np.sum(parts)))
 
     def learned(self, memory: Memory, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask) -> Memory:
-        """What each of them has learned."""
+        """Their knowledge."""
         pairs = zip(self.of, self._memories(memory), strict=True)
         return tuple(one.learned(known, sight, scene, fitted, trusted) for one, known in pairs)
 
     def pictures(self, asked: Comparison, sight: Sight, view: int) -> tuple[EvidencePicture, ...]:
-        """What each of them saw."""
+        """Their pictures."""
         pairs = zip(self.of, asked.observed, strict=True)
         return tuple(made for one, seen in pairs for made in one.pictures(asked.put(seen), sight, view))
 
@@ -172,14 +172,14 @@ class TogetherEvidence(Evidence):
         return (memory,) * len(self.of) if memory is None or memory is GUESSED else memory
 
     def _each(self, asked: Comparison, weights: tuple[float, ...]) -> Iterator[tuple[Evidence, float, Comparison]]:
-        """Each kind of evidence that counts, with its weight and the question as it is put to it."""
+        """Each kind of evidence with a weight, its weight and its question."""
         for one, weight, observed in zip(self.of, weights, asked.observed, strict=True):
             if weight > 0:
                 yield one, weight, asked.put(observed)
 
 
 def _said(kinds: Kinds) -> tuple[str, ...]:
-    """Names of those that are compiled."""
+    """Names of the compiled kinds."""
     return tuple(name for name in _SAID if getattr(kinds, name) is not None)
 
 
@@ -191,7 +191,7 @@ def _are_weighed(kinds: Kinds) -> bool:
 
 
 def _passed_on(ask: Callable[..., Any], k: int, asked: Comparison, q: Array, gate_px: float) -> Any:
-    """What one of the kinds of number k answers."""
+    """Answer of one of the kinds of number k."""
     return ask(asked.put(asked.observed[k]), q, gate_px)
 
 
@@ -202,7 +202,7 @@ def _answer(one: Evidence, k: int, asked: Comparison, q: Array, gate_px: float) 
 
 
 def _sharpened(weights: Sequence[float], found: Sequence[Equations], exact_px: Sequence[float]) -> list[float]:
-    """Weights of equations, raised for those that leave less than `exact_px` over; the largest stays."""
+    """Weights of equations, raised for kinds that leave less than `exact_px` over; the largest stays."""
     raised = []
     for weight, one, px in zip(weights, found, exact_px, strict=True):
         rms_px = math.sqrt(one.squares / one.total) if one.squares > 0 else math.inf
@@ -211,5 +211,5 @@ def _sharpened(weights: Sequence[float], found: Sequence[Equations], exact_px: S
 
 
 def _share_of_usual(rig: Rig) -> float:
-    """What a pixel of the smallest view is of one at 720 px of width, at most 1."""
+    """Size of a pixel of the smallest view at 720 px of width, at most 1."""
     return min(1.0, float(rig.sizes.max(axis=1).min()) / _USUAL_PX)

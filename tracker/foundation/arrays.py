@@ -1,4 +1,4 @@
-"""The shape vocabulary: array types, frozen arrays, and the checks made at public borders."""
+"""The shape vocabulary: array types, frozen arrays, and the checks at public borders."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Image = NDArray[np.uint8]
 """Grey `(h, w)` or BGR colour `(h, w, 3)` image."""
 
 Mask = NDArray[np.bool_]
-"""Boolean array, true where something holds."""
+"""Boolean array."""
 
 Integers = NDArray[np.int64]
 """Indices and counts."""
@@ -41,7 +41,7 @@ def shape_fault(values: NDArray[Any], *expected: int | None) -> str | None:
 
     Args:
         values: the array.
-        expected: one length for each axis, None where any length will do.
+        expected: one length for each axis, None for any length.
     """
     fits = values.ndim == len(expected) and all(
         want is None or have == want for have, want in zip(values.shape, expected, strict=True)

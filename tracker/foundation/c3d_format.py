@@ -1,4 +1,4 @@
-"""What C3D files hold at most, and the package that writes them, for whoever writes some."""
+"""Limits of C3D files, and the package that writes them."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Any
 from tracker.foundation.errors import ConfigError
 
 _MOST_FRAMES = 2**16 - 1
-"""The header counts them in two bytes."""
+"""The header counts frames in two bytes."""
 
 
 def check_frames(n_frames: int, asked: str) -> None:
-    """Refuses what the format cannot hold: ezc3d writes it without the last frames.
+    """Refuses files beyond the format: ezc3d writes them without the last frames.
 
     Args:
         n_frames: of the file.
-        asked: what was asked for, for the message.
+        asked: setting or option of the user, for the message.
 
     Raises:
         ConfigError: there are more than 65535.
@@ -26,7 +26,7 @@ def check_frames(n_frames: int, asked: str) -> None:
 
 
 def c3d_library(asked: str = 'recording "c3d"') -> Any:
-    """The package ezc3d, for what was asked for.
+    """The package ezc3d.
 
     Raises:
         ConfigError: it is not installed.

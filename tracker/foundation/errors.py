@@ -1,4 +1,4 @@
-"""The errors a user can cause: what was found, what was expected, what to do next."""
+"""Errors that a user can cause: what was found, what was expected, what to do next."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LONGEST = 2000
 
 
 class InstallationError(TrackerError):
-    """The compiled part of the package is missing, cannot be loaded, or is of other sources than the rest."""
+    """The compiled part of the package is missing, cannot be loaded, or was built from other sources."""
 
 
 class ConfigError(TrackerError):
@@ -30,7 +30,7 @@ class ConfigError(TrackerError):
 
 
 class CalibrationError(TrackerError):
-    """A camera or a rig cannot be right."""
+    """A camera or a rig is impossible."""
 
 
 class SequenceError(TrackerError):
@@ -50,15 +50,15 @@ class MatchingError(TrackerError):
 
 
 class InitializationError(TrackerError):
-    """No start pose could be found in the first frames."""
+    """The first frames show no start pose."""
 
 
 class GivenUpError(TrackerError):
-    """Nobody was found in the time that may be spent on it; unlike an `InitializationError` no other frame is tried."""
+    """The search of a frame ran out of time; unlike after an `InitializationError`, no other frame is tried."""
 
 
 class BackdropError(InitializationError):
-    """Who is looked for is in the very plates of what the recording shows most of the time, and does not stand out."""
+    """The plates of the recording show the person, who stays in place most of the time and does not stand out."""
 
 
 def nearest(name: str, options: Iterable[str]) -> str:
@@ -69,7 +69,7 @@ def nearest(name: str, options: Iterable[str]) -> str:
         options: the valid names.
 
     Returns:
-        For instance ``did you mean "chamfer"? valid: chamfer, overlap``; ``none is there`` where no name is valid.
+        For instance ``did you mean "chamfer"? valid: chamfer, overlap``; ``none is there`` without valid names.
     """
     valid = sorted({shortened(str(option)) for option in itertools.islice(options, _MOST_LOOKED_AT)} - {""})
     if not valid:
@@ -83,7 +83,7 @@ def nearest(name: str, options: Iterable[str]) -> str:
 
 
 def _alike(one: str, other: str) -> bool:
-    """Whether one name may be meant by another: one begins with the other, or few letters are wrong, or their order."""
+    """Whether one name may stand for another: one begins with the other, or few letters are wrong, or their order."""
     if min(len(one), len(other)) >= _BEGINNING and (one.startswith(other) or other.startswith(one)):
         return True
     longest = max(len(one), len(other))
@@ -93,7 +93,7 @@ def _alike(one: str, other: str) -> bool:
 
 
 def _n_typos(one: str, other: str) -> int:
-    """How many letters are missing, too many, other ones, or exchanged with their neighbours (optimal alignment)."""
+    """Number of letters that are missing, extra, wrong, or exchanged with their neighbours (optimal alignment)."""
     before, row = [0] * (len(other) + 1), list(range(len(other) + 1))
     for i, a in enumerate(one, start=1):
         last, row = row, [i]
@@ -107,32 +107,33 @@ def _n_typos(one: str, other: str) -> int:
 
 
 _MOST_COMPARED = 5
-"""Names that are compared letter by letter: those that share most."""
+"""Number of names that are compared letter by letter: those with most letters in common."""
 
 _BEGINNING = 3
-"""Letters of a beginning that tells a name."""
+"""Letters of a beginning that identifies a name."""
 
 _LETTERS_A_TYPO = 3
-"""Of so many letters one may be wrong; "persons" and "interiors" share half of theirs, and neither is the other."""
+"""Number of letters of which one may be wrong; "persons" and "interiors" share half of theirs, and neither is the
+other."""
 
 
 def shortened(text: str) -> str:
-    """What a file says, as long as a message can show."""
+    """Text of a file, shortened for a message."""
     return text if len(text) <= _LONGEST_QUOTE else f"{text[:_LONGEST_QUOTE]}..."
 
 
 _LONGEST_QUOTE = 60
-"""Characters of a file that a message shows."""
+"""Characters of a file in a message."""
 
 _MOST_SHOWN = 60
-"""Names that a message lists; a pose has 36 parameters."""
+"""Names listed in a message; a pose has 36 parameters."""
 
 _MOST_LOOKED_AT = 2000
-"""Names that are compared: a file can have any number."""
+"""Names compared: a file can have any number."""
 
 
 def os_fault(error: OSError) -> str:
-    """One sentence about what the system refused: the file, why, and what to do."""
+    """One sentence about a refusal of the system: the file, the reason, and what to do."""
     where = f"{error.filename}: " if error.filename is not None else ""
     mended = {
         errno.ENOSPC: "; free some space: what was written before is whole, and a run goes on with --resume",
@@ -160,7 +161,7 @@ def name_fault(name: str) -> str:
     if len(name.encode(errors="replace")) > _LONGEST_NAME:
         return f"{name[:20]!r}...: a name of {len(name)} characters, expected at most {_LONGEST_NAME} bytes"
     wrong = next((sign for sign in name if sign in "/\\" or not sign.isprintable()), "")
-    return f"{name!r}: {wrong!r} in a name that files are called after" if wrong else ""
+    return f"{name!r}: {wrong!r} in a name that becomes part of file names" if wrong else ""
 
 
 _LONGEST_NAME = 120

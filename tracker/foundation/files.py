@@ -1,4 +1,4 @@
-"""Files that are there as a whole or not at all."""
+"""Files that appear as a whole or not at all."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tracker.foundation.errors import ConfigError
 def replacing(path: Path) -> Iterator[Path]:
     """A path beside another one, moved onto it if the block ends without an error and deleted otherwise.
 
-    Whoever reads meanwhile sees the old file or the new one; two writers do not mix their bytes.
+    A reader meanwhile sees the old file or the new one; two writers do not mix their bytes.
 
     Args:
         path: file to write; its folder exists.
@@ -41,7 +41,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def _usual_mode(path: Path) -> int:
-    """What the file at the path has, or what a new one gets: `mkstemp` makes files that only their owner reads."""
+    """Permissions of the file at the path, or of a new file: `mkstemp` makes files that only their owner reads."""
     if path.exists():
         return path.stat().st_mode & 0o777
     return 0o666 & ~_mask()
@@ -54,10 +54,10 @@ def _mask() -> int:
 
 
 def check_free(files: Iterable[Path], overwrite: bool = False) -> None:
-    """Refuses to replace files unless that is asked for.
+    """Refuses to replace files unasked.
 
     Raises:
-        ConfigError: one is there already.
+        ConfigError: a file exists already.
     """
     for path in files:
         if path.exists() and not overwrite:
@@ -68,14 +68,14 @@ _OR_REPLACE = ", or replace it with --overwrite"
 
 
 def check_empty(folder: Path, replaceable: bool = False) -> None:
-    """Refuses a folder for results that holds something.
+    """Refuses a folder for results that is not empty.
 
     Args:
         folder: may be missing.
-        replaceable: whether the command can replace it when asked, which is told.
+        replaceable: whether the command can replace it; the message says so.
 
     Raises:
-        ConfigError: it does, or it is a file.
+        ConfigError: it is not empty, or a file.
     """
     if folder.exists() and not folder.is_dir():
         raise ConfigError(f"{folder} is a file: choose another --output, a folder")
@@ -89,10 +89,10 @@ def whole_folder(folder: Path, overwrite: bool = False) -> Iterator[Path]:
 
     Args:
         folder: must not exist, or be empty.
-        overwrite: it may hold something, which is deleted when its successor is whole.
+        overwrite: it may hold files; they are deleted when the new folder is whole.
 
     Raises:
-        ConfigError: it holds something.
+        ConfigError: it is not empty.
     """
     if not overwrite:
         check_empty(folder)
@@ -109,7 +109,7 @@ def whole_folder(folder: Path, overwrite: bool = False) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _put_aside(folder: Path) -> Iterator[None]:
-    """Deletes what a folder held once the block has put another one into its place."""
+    """Deletes the old content of a folder once the block has put a new folder into its place."""
     if not folder.exists():
         yield
         return
@@ -123,21 +123,21 @@ def _put_aside(folder: Path) -> Iterator[None]:
 
 
 class Successor:
-    """A file that is written beside the one it replaces, and takes its place when it has caught up with it."""
+    """A file that is written beside an old one, and takes its place when it has caught up with it."""
 
     def __init__(self, path: Path, waits: bool) -> None:
-        """Chooses where to write.
+        """Chooses the path.
 
         Args:
             path: the file to replace.
-            waits: whether it stays until `take_place`; if not, it is written at once.
+            waits: whether it stays until `take_place`; otherwise it is written in place.
         """
         self._final = path
         self.path = path.with_name(f".{path.stem}{_LATER}{path.suffix}") if waits else path
-        """Where to write; an open file may be moved meanwhile."""
+        """Present path; an open file may be moved meanwhile."""
 
     def take_place(self) -> Path:
-        """Moves it into place, once; returns that place."""
+        """Moves it into place, once; returns the final path."""
         if self.path != self._final:
             self.path.replace(self._final)
             self.path = self._final
@@ -148,21 +148,21 @@ _LATER = "-later.part"
 
 
 def remove_unfinished(folder: Path) -> None:
-    """Removes files that were begun and never took their place, as a kill leaves them; nobody else may write there."""
+    """Removes files that were begun and never took their place, as after a kill; nobody else may write there."""
     for path in folder.rglob(".*.part*"):
         path.unlink(missing_ok=True)
 
 
 class GrowingFile:
-    """A file that grows by whole blocks, each written at once: what does not fit on the disk is taken back."""
+    """A file that grows by whole blocks, each written at once: a block that does not fit on the disk is taken back."""
 
     def __init__(self, path: Path, waits: bool = False, append: bool = False) -> None:
-        """Makes it.
+        """Creates it.
 
         Args:
             path: of the file.
-            waits: whether what is there stays until `take_place`.
-            append: whether blocks are added to what is there.
+            waits: whether the old file stays until `take_place`.
+            append: whether blocks are added to an existing file.
         """
         self._successor = Successor(path, waits)
         if not append:
@@ -186,7 +186,7 @@ class GrowingFile:
                 raise
 
     def take_place(self) -> Path:
-        """Replaces the file that it waited beside; returns its path."""
+        """Replaces the old file; returns its path."""
         return self._successor.take_place()
 
 
@@ -198,7 +198,7 @@ def csv_lines(rows: Iterable[Iterable[object]]) -> str:
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Writes a file as a whole; what was there is replaced at once.
+    """Writes a file as a whole; an old one is replaced at once.
 
     Args:
         path: file to write; its folder exists.
@@ -226,10 +226,10 @@ def _finite(value: Any) -> Any:
 
 
 Stamp = tuple[str, int]
-"""Where a path leads, and when what is there was changed last, ns; 0 where there is nothing."""
+"""Target of a path, and the time of its last change, ns; 0 if it does not exist."""
 
 
 def stamp_of(path: Path) -> Stamp:
-    """The stamp of a file or folder, by which what was read of it is known to be of today."""
+    """Stamp of a file or folder, which shows whether data read from it is still up to date."""
     real = path.resolve()
     return str(real), real.stat().st_mtime_ns if real.exists() else 0

@@ -1,4 +1,4 @@
-"""The sources of the extension `tracker._native`, and whether it was built from those beside it.
+"""The sources of the extension `tracker._native`, and whether it was built from the ones beside it.
 
 native/build.py runs this file before anything is installed: it imports nothing but the standard library and errors.
 """
@@ -15,7 +15,7 @@ _EXTENSION = "tracker._native"
 
 
 def digest_of(folder: Path) -> str:
-    """Digest of all that a build of the extension depends on.
+    """Digest of all inputs of a build of the extension.
 
     Args:
         folder: `native/` of a checkout.
@@ -28,13 +28,13 @@ def digest_of(folder: Path) -> str:
 
 
 def load_extension(root: Path) -> None:
-    """Imports the extension; what it was built from must be what a checkout holds: old code never runs unnoticed.
+    """Imports the extension, and checks that it was built from the checkout's sources: old code never runs unnoticed.
 
     Args:
-        root: folder that the package lies in; one without `native/` is no checkout.
+        root: folder of the package; one without `native/` is not a checkout.
 
     Raises:
-        InstallationError: there is none, it cannot run on this machine, or other sources lie beside it.
+        InstallationError: it is missing, cannot run on this machine, or was built from other sources.
     """
     remedy = root / "scripts" / "build_native.sh"
     try:

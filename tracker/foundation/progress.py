@@ -1,4 +1,4 @@
-"""How far a piece of work is: the one way in which the library tells, for it never prints."""
+"""Progress of a piece of work: the only way in which the library reports, because it never prints."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 WARNING = "input: "
-"""What a message begins with that stays to be read: something is wrong with the input."""
+"""Begin of a message that stays visible: the input may be wrong."""
 
 
 def in_words(seconds: float) -> str:
-    """A time as it is told: `40 s`, `2 min 10 s`."""
+    """A duration in words: `40 s`, `2 min 10 s`."""
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes} min {rest} s" if minutes else f"{rest} s"
 
 
 class Progress(Protocol):
-    """Told how far a piece of work is."""
+    """Receives the progress of a piece of work."""
 
     def __call__(self, what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
-        """Takes note, and returns soon.
+        """Notes the progress, and returns soon.
 
         Args:
-            what: is being done, e.g. `tracking`; with nothing else it is a message.
+            what: the work, e.g. `tracking`; alone it is a message.
             done: how much of it is done.
-            total: how much there is; 0 where nothing is counted.
-            detail: what is worth knowing meanwhile, e.g. `12.5 frames/s`.
+            total: amount of work; 0 if nothing is counted.
+            detail: further information, e.g. `12.5 frames/s`.
         """
 
 
 def within(progress: Progress, label: str) -> Progress:
-    """A progress that says what it is a step of."""
+    """A progress that names the step it belongs to."""
 
     def labelled(what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
         progress(f"{label}: {what}", done, total, detail)
@@ -44,15 +44,15 @@ def within(progress: Progress, label: str) -> Progress:
 
 
 class Tally:
-    """Counts pieces of work as they are begun, by whatever thread, and tells `pose 5 of 12`."""
+    """Counts pieces of work as any thread begins them, and reports `pose 5 of 12`."""
 
     def __init__(self, progress: Progress, piece: str, total: int = 0) -> None:
         """Nothing is begun.
 
         Args:
-            progress: told of each piece.
-            piece: what is counted.
-            total: how many there are, as far as is known.
+            progress: gets each piece.
+            piece: name of a piece.
+            total: number of pieces, as far as known.
         """
         self._progress, self._piece, self._total = progress, piece, total
         self._begun, self._lock = 0, threading.Lock()
@@ -71,11 +71,11 @@ class Tally:
 
 
 def silent(what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
-    """Tells nobody."""
+    """Reports to nobody."""
 
 
 def shown() -> Progress:
-    """A bar below the cell of a Jupyter notebook; elsewhere nobody is told."""
+    """A bar below the cell of a Jupyter notebook; elsewhere nothing."""
     ipython = sys.modules.get("IPython")
     if ipython is None or not hasattr(ipython.get_ipython(), "kernel"):
         return silent
@@ -83,10 +83,10 @@ def shown() -> Progress:
 
 
 _BETWEEN_S = 0.2
-"""From one picture of a bar to the next: a browser draws no more, and tracking waits for none."""
+"""Time between two pictures of a bar: a browser draws no more, and tracking waits for none."""
 
 _MOST_LINES = 8
-"""That stay below a cell: the last steps of the work."""
+"""Number of lines below a cell: the last steps of the work."""
 
 
 class NotebookProgress:
@@ -106,7 +106,7 @@ class NotebookProgress:
         self._drawn_s = 0.0
 
     def __call__(self, what: str, done: int = 0, total: int = 0, detail: str = "") -> None:
-        """Takes note, and draws if the last picture is old, a step ends, or a message comes."""
+        """Notes the progress, and draws if the last picture is old, a step ends, or a message comes."""
         if total:
             self._steps[what] = done, total, detail
             self._message = ""

@@ -1,4 +1,4 @@
-"""Files that come with the package, and memory that stages have freed, which the C library keeps."""
+"""Files of the package, and memory that stages have freed and the C library keeps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _PACKAGE = Path(__file__).parents[1]
 
 
 def models_folder() -> Path:
-    """Folder of the bundled body models: beside the package in a checkout, inside it where installed."""
+    """Folder of the bundled body models: beside the package in a checkout, inside an installed package."""
     installed = _PACKAGE / "_models"
     return installed if installed.is_dir() else _PACKAGE.parent / "models"
 
@@ -21,7 +21,7 @@ def model_path(name: str) -> Path:
     """File of a bundled body model.
 
     Raises:
-        ModelError: there is none of that name.
+        ModelError: no model has that name.
     """
     path = models_folder() / f"{name}.toml"
     if not path.is_file():
@@ -31,10 +31,10 @@ def model_path(name: str) -> Path:
 
 
 def give_back() -> None:
-    """Gives back what is free; nothing where the C library has no such call (macOS, Windows, musl).
+    """Returns free memory to the system, if the C library can (not on macOS, Windows, musl).
 
-    Of 900 MiB that a run with four views of 720x576 held before its body was fitted 330 were free; of 970 before its
-    first window 260. It takes 20 ms.
+    A run with four views of 720x576 held 900 MiB before its body was fitted, of which 330 were free; before its first
+    window it held 970, of which 260 were free. It takes 20 ms.
     """
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL("libc.so.6").malloc_trim(0)

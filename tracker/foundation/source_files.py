@@ -1,4 +1,4 @@
-"""Text files that users bring, as TOML, JSON, XML and CSV: a damaged one is one sentence, and takes bounded time."""
+"""Text files of users, as TOML, JSON, XML and CSV: a damaged one gives an error of one sentence, in bounded time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 from tracker.foundation.errors import TrackerError, nearest, shortened
 
 METRES_PER_UNIT = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
-"""By their signs."""
+"""Separators of cells by their signs."""
 
 _WORDS = {
     "m": ("meter", "meters", "metre", "metres"),
@@ -30,26 +30,26 @@ _SIGN_OF = {word: sign for sign, words in _WORDS.items() for word in (sign, *wor
 
 
 def unit_sign(unit: str) -> str | None:
-    """The sign of a unit of length, as programs write it (`mm`, `[mm]`, `Millimetres`); None where it is none."""
+    """The sign of a unit of length in any usual spelling (`mm`, `[mm]`, `Millimetres`); None for other words."""
     return _SIGN_OF.get(unit.strip(" \t\0[]().").lower())
 
 
 def metres_in(unit: str) -> float | None:
-    """Metres in a unit of length, as programs write it; None where it is none."""
+    """Metres in a unit of length in any usual spelling; None for other words."""
     sign = unit_sign(unit)
     return None if sign is None else METRES_PER_UNIT[sign]
 
 
 _LARGEST_BYTES = 2**24
-"""Of a TOML file: the longest one that a person writes, a body model with a mesh, has less."""
+"""Largest TOML file, bytes: the longest one that a person writes, a body model with a mesh, has less."""
 
 _SEPARATORS = {";": "semicolons", "\t": "tabs"}
 
 _LONGEST_LINE = 10_000
-"""Of a TOML file: the time that Python's parser takes for a dotted key grows with the square of its length."""
+"""Longest line of a TOML file: the time of Python's parser for a dotted key grows with the square of its length."""
 
 Fault = type[TrackerError]
-"""What is raised."""
+"""Error to raise."""
 
 
 def text_of(path: Path, fault: Fault, what: str = "the file", largest_bytes: int | None = None) -> str:
@@ -57,12 +57,12 @@ def text_of(path: Path, fault: Fault, what: str = "the file", largest_bytes: int
 
     Args:
         path: the file.
-        fault: what is raised.
-        what: what it holds, for messages.
+        fault: class of the error.
+        what: name of the content, for messages.
         largest_bytes: a larger one is refused; None for any.
 
     Raises:
-        TrackerError: of the kind asked for: it cannot be read, is no text, or larger than such a file can be.
+        TrackerError: of the given class: it cannot be read, is not text, or larger than such a file can be.
     """
     content = content_of(path, fault, what, largest_bytes)
     try:
@@ -75,7 +75,7 @@ def content_of(path: Path, fault: Fault, what: str = "the file", largest_bytes: 
     """The bytes of a file; arguments and errors are those of `text_of`.
 
     Raises:
-        TrackerError: of the kind asked for: it cannot be read, or is larger than such a file can be.
+        TrackerError: of the given class: it cannot be read, or is larger than such a file can be.
     """
     try:
         with path.open("rb") as file:
@@ -91,7 +91,7 @@ def toml_of(path: Path, fault: Fault, what: str = "the file") -> dict[str, Any]:
     """The content of a TOML file.
 
     Raises:
-        TrackerError: of the kind asked for: it cannot be read, or is none.
+        TrackerError: of the given class: it cannot be read, or has another format.
     """
     text = text_of(path, fault, what, _LARGEST_BYTES)
     for n, line in enumerate(text.splitlines(), start=1):
@@ -109,7 +109,7 @@ def json_of(path: Path, fault: Fault) -> Any:
     """The content of a JSON file.
 
     Raises:
-        TrackerError: of the kind asked for: it cannot be read, or is none.
+        TrackerError: of the given class: it cannot be read, or has another format.
     """
     try:
         return json.loads(text_of(path, fault), object_pairs_hook=each_once(fault, f"{path}: "))
@@ -123,7 +123,7 @@ def xml_of(path: Path, fault: Fault, what: str = "the file") -> ElementTree.Elem
     """The outermost element of an XML file.
 
     Raises:
-        TrackerError: of the kind asked for: it cannot be read, is none, or has a document type, which could name other
+        TrackerError: of the given class: it cannot be read, is not XML, or has a document type, which could name other
             files.
     """
     content = content_of(path, fault, what, _LARGEST_XML_BYTES)
@@ -136,15 +136,15 @@ def xml_of(path: Path, fault: Fault, what: str = "the file") -> ElementTree.Elem
 
 
 _LARGEST_XML_BYTES = 2**26
-"""Of an XML file: OpenSim's models with muscles have a few million."""
+"""Largest number of elements of an XML file: OpenSim's models with muscles have a few million."""
 
 
 def each_once(fault: Fault, where: str = "") -> Callable[[list[tuple[str, Any]]], dict[str, Any]]:
-    """Makes tables of JSON: Python's reader would take the last of several entries of one name, and say nothing.
+    """Makes tables of JSON without repeated names: Python's reader would silently take the last entry of a name.
 
     Args:
-        fault: what is raised where an entry is there twice.
-        where: the beginning of its message.
+        fault: class of the error for a repeated entry.
+        where: begin of its message.
     """
 
     def made(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -162,7 +162,7 @@ def cells_of(path: Path, fault: Fault) -> list[list[str]]:
     """The rows of a CSV file that are not empty.
 
     Raises:
-        TrackerError: of the kind asked for: it cannot be read, or is none.
+        TrackerError: of the given class: it cannot be read, or has another format.
     """
     try:
         return [row for row in csv.reader(io.StringIO(text_of(path, fault), newline="")) if row]
@@ -174,7 +174,7 @@ def rows_of(path: Path, fault: Fault) -> list[dict[str, str]]:
     """The rows of a CSV file by the names of its columns.
 
     Raises:
-        TrackerError: of the kind asked for: it cannot be read, has no rows, or a row of another length.
+        TrackerError: of the given class: it cannot be read, has no rows, or a row of another length.
     """
     head, *rows = cells_of(path, fault) or [[]]
     if not rows:
@@ -190,17 +190,17 @@ def rows_of(path: Path, fault: Fault) -> list[dict[str, str]]:
 
 
 def check_commas(head: Sequence[str], path: Path, fault: Fault) -> None:
-    """Refuses a first row of a CSV file whose cells are separated by something else.
+    """Refuses a first row of a CSV file with other separators than commas.
 
     Raises:
-        TrackerError: of the kind asked for.
+        TrackerError: of the given class.
     """
     if len(head) == 1 and (other := next((sign for sign in ";\t" if sign in head[0]), None)):
         raise fault(f"{path}: cells are separated by {_SEPARATORS[other]}, expected commas")
 
 
 def is_gap(cell: str) -> bool:
-    """Whether a cell says that there is no number, in the spelling of any compiler, language or spreadsheet."""
+    """Whether a cell stands for a missing number, in the spelling of any compiler, language or spreadsheet."""
     return not cell or _GAP.fullmatch(cell) is not None
 
 
@@ -216,7 +216,7 @@ def number_in(row: Mapping[str, str], column: str, path: Path, fault: Fault) -> 
     """A finite number of a row.
 
     Raises:
-        TrackerError: of the kind asked for: there is no such column, or something else stands there.
+        TrackerError: of the given class: the column is missing, or the value is not a finite number.
     """
     if column not in row:
         raise fault(f'{path}: no column "{column}"; {nearest(column, row)}')
@@ -233,7 +233,7 @@ def frame_in(row: Mapping[str, str], path: Path, fault: Fault) -> int:
     """The number of a row's frame, in the column `frame`.
 
     Raises:
-        TrackerError: of the kind asked for: there is no such column, or no whole number in it.
+        TrackerError: of the given class: the column is missing, or the value is not a whole number.
     """
     value = number_in(row, "frame", path, fault)
     if value != int(value) or abs(value) > _MOST_FRAMES:
@@ -246,5 +246,5 @@ _MOST_FRAMES = 10**9
 
 
 def one_line(error: BaseException) -> str:
-    """What an error says, without ends of lines, and not more than fits."""
+    """Text of an error, on one line and of bounded length."""
     return str(error).replace("\n", " ")[:200]

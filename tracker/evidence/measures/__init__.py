@@ -1,4 +1,4 @@
-"""What kinds of evidence share: a person compared with what was observed, correspondences, equations, accounts.
+"""Common parts of all evidence: a person compared with an observation, correspondences, equations, accounts.
 
-Evidence imports these nouns, never the other way round; tracking uses them as well.
+Evidence imports these, never the other way round; tracking uses them as well.
 """

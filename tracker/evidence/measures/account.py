@@ -1,4 +1,4 @@
-"""How well one pose of a person explains what was observed, view by view and part by part."""
+"""How well one pose of a person explains an observation, view by view and part by part."""
 
 from __future__ import annotations
 
@@ -33,35 +33,35 @@ class Account:
     """(P,) contour of each part that should be seen."""
 
     explained_px: Array
-    """(P,) how much of it is where the images show it."""
+    """(P,) length of it that the images show."""
 
     missed_px: Array
-    """(P,) what the images show beside each part and no contour explains."""
+    """(P,) length in the images beside each part that no contour explains."""
 
     by_view_px: Array | None = None
-    """(3, V, P) what each view has of these three; None for evidence that cannot tell."""
+    """(3, V, P) these three of each view; None for evidence without views."""
 
     not_shown: Mask | None = None
     """(V, P) parts of limbs that a view does not show while others do, see `measures.occlusion`; None for none."""
 
     hidden: Mask | None = None
-    """(V, P) those of them that were not shown for long, so that all else leaves them out; None for none."""
+    """(V, P) those of them that were not shown for long, so that everything else leaves them out; None for none."""
 
     @property
     def explained(self) -> float:
-        """Share of the visible contour that the images show, 0 to 1; 0 where nothing is visible."""
+        """Share of the visible contour that the images show, 0 to 1; 0 without visible contour."""
         visible = float(self.visible_px.sum())
         return float(self.explained_px.sum()) / visible if visible > 0 else 0.0
 
     @property
     def left_over_px(self) -> Array:
-        """(P,) contour that the images do not show, and what they show beside it that the model does not."""
+        """(P,) contour that the images do not show, and their content beside it that the model lacks."""
         left: Array = self.visible_px - self.explained_px + self.missed_px
         return left
 
     @property
     def left_over(self) -> float:
-        """What is left over of model and images, over the model's contour."""
+        """Left-over length of model and images, over the model's contour."""
         return float(self.left_over_px.sum() / max(float(self.visible_px.sum()), 1.0))
 
     def of(self, parts: Mask | slice) -> Account:
@@ -79,7 +79,7 @@ class Account:
         )
 
     def without(self, hidden: Mask) -> Account:
-        """The account without what views (V, P) say of parts that something hides from them."""
+        """The account without the parts (V, P) that something hides."""
         if self.by_view_px is None or not hidden.any():
             return self
         visible, explained, missed = np.where(hidden, self.by_view_px, 0.0).sum(axis=1)
@@ -97,7 +97,7 @@ def summed(accounts: Sequence[Account], weights: Sequence[float]) -> Account:
     """The account of several kinds of evidence: all lengths and distances times their weights.
 
     Args:
-        accounts: of the same person and pose; one in which nothing is visible has no say in what is left over.
+        accounts: of the same person and pose; one without visible contour has no say in the left-over length.
         weights: one each.
     """
     pairs = list(zip(weights, accounts, strict=True))
@@ -121,39 +121,39 @@ def summed(accounts: Sequence[Account], weights: Sequence[float]) -> Account:
 # Limbs that something hides from a view: a board, a table, somebody who passes. Other views show where they are.
 
 _LEAST_PX, _LEAST_KNOWN_PX = 40.0, 10.0
-"""Contour that a view should show of a limb to have a say in where it is: half of a forearm's at 720 px. Less where
+"""Least contour of a limb in a view that has a say in its place: half of a forearm's at 720 px. Less if
 something is known to hide it: colours learn nothing there and then have no say."""
 
 # See docs/lab/hidden_limbs.md.
 _SHOWN, _NOT_SHOWN, _STILL = 0.2, 0.45, 0.3
-"""Share of a limb's contour that a view leaves over at most if it shows the limb, and at least if it does not; between
-the two once something is known to hide it. Of an arm the view with a board before it leaves over 0.45 to 0.96 in 80
-frames, the other three 0 to 0.3. Of 4221 limbs put 150 mm and more off 91.0 % are in doubt; 90.1 if each was so hidden,
-88.0 with 0.3 in place of 0.2."""
+"""Largest left-over share of a limb's contour in a view that shows it, and least in one that does not; a limb known to
+be hidden may lie between. Of an arm the view with a board before it leaves over 0.45 to 0.96 in 80 frames, the other
+three 0 to 0.3. Of 4221 limbs put 150 mm and more off 91.0 % are in doubt; 90.1 if each was so hidden, 88.0 with 0.3 in
+place of 0.2."""
 
 _MOST = 0.1
-"""Share of the person's contour from which on so much is left over that it is the pose that is wrong. Without such a
-bound 89.8 % of those limbs would be in doubt."""
+"""Left-over share of the person's contour from which on the pose itself is wrong. Without such a bound 89.8 % of those
+limbs would be in doubt."""
 
 _APART = math.sin(math.radians(20.0))
-"""Of the angle between rays, the sine from which on they meet in a place: not in views that face each other."""
+"""Least sine of the angle between rays that meet in a place: not in views that face each other."""
 
 LONG_FRAMES = 4
-"""Frames for which a view has not shown a limb before something is taken to hide it there. From the first frame on, a
-wrong arm was no longer in doubt in two of four frames."""
+"""Number of frames without the limb before something counts as hiding it in a view. If it counted from the first frame
+on, a wrong arm was no longer in doubt in two of four frames."""
 
 
 def not_shown_by(body: BodyModel, rig: Rig, places: Array, account: Account, hidden: Mask | None = None) -> Mask | None:
     """Parts (V, P) of limbs that a view does not show while others do; None for none.
 
-    A limb that two views show from different sides is where it is taken to be. Where a third one does not show it for
-    long, something is before it there. For a frame or two the images of a limb in a wrong place may look so.
+    If two views show a limb from different sides, its place is right. If a third view does not show it for long,
+    something is before it there. For a frame or two the images of a limb in a wrong place may look so.
 
     Args:
         body: the model.
         rig: the cameras.
-        places: (P, 3) where the parts are, metres.
-        account: of the pose, with what each view has.
+        places: (P, 3) positions of the parts, metres.
+        account: of the pose, with its views.
         hidden: (V, P) parts that something hid a frame before; None for none.
     """
     if account.by_view_px is None:
@@ -175,7 +175,7 @@ def not_shown_by(body: BodyModel, rig: Rig, places: Array, account: Account, hid
 
 
 def hidden_limbs(body: BodyModel, account: Account) -> list[tuple[int, str]]:
-    """Number of the view, and limb, of all that an account has as hidden."""
+    """Number of the view, and limb, for all hidden parts of an account."""
     if account.hidden is None:
         return []
     groups = [(group, body.parts_of(group)) for group in body.fine_groups]
@@ -183,7 +183,7 @@ def hidden_limbs(body: BodyModel, account: Account) -> list[tuple[int, str]]:
 
 
 def _meet(rays: Array) -> bool:
-    """Whether two of some rays (N, 3) come from sides so different that they tell a place."""
+    """Whether two of some rays (N, 3) come from sufficiently different sides to locate a place."""
     directions = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     sines = np.linalg.norm(np.cross(directions[:, None], directions[None]), axis=2)
     return bool(sines.max() >= _APART)

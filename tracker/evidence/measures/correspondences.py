@@ -1,4 +1,4 @@
-"""Oriented correspondences between model contours and scene edges, and the residual they leave."""
+"""Oriented correspondences between model contours and scene edges, and their residuals."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tracker.kernels.rows import SampleRow, ScenePointRow
 
 @dataclass(frozen=True)
 class Correspondences:
-    """N pairs of a model contour point and the scene edge point it should lie on."""
+    """N pairs of a model contour point and its scene edge point."""
 
     points: Array
     """(N, 3) model points in the world at the pose they were made at, metres."""
@@ -38,7 +38,7 @@ class Correspondences:
     """(N, 2) scene edge point, px."""
 
     weights: Array
-    """(N,) weight of the squared residual: the number of independent observations that the pair stands for."""
+    """(N,) weight of the squared residual: the pair's number of independent observations."""
 
     def residual(self, body: BodyModel, q: Array, rig: Rig) -> tuple[Array, Array]:
         """Distance from model point to scene edge along the contour's normal, linear in the pose.
@@ -80,14 +80,14 @@ def oriented_pairs(contours: Contours, edges: PackedEdges, gate_px: float, direc
 def voted_pairs(
     asked: Comparison, contours: Contours, gate_px: float, direction_deg: float, limbs: Integers
 ) -> Integers:
-    """Pairs (N, 4) as `oriented_pairs` has them, but of a segment of edges with one limb alone.
+    """Pairs (N, 4) as `oriented_pairs` has them, except that a segment of edges pairs with only one limb.
 
-    The points of a segment vote for the limb whose contour is nearest to them, each by the length it stands for, and
-    the segment is paired with the contours of the limb that most of it is for (Rosenhahn et al. 2006, section 2.2):
-    where an arm passes the trunk, an edge does not pull at both.
+    The points of a segment vote for the limb with the nearest contour, each by its length, and the segment is paired
+    with the limb that gets most votes (Rosenhahn et al. 2006, section 2.2): where an arm passes the trunk, an edge does
+    not pull at both.
 
     Args:
-        asked: what was observed is an `Observation`.
+        asked: its observation is an `Observation`.
         contours: of the model.
         gate_px, direction_deg: as of `oriented_pairs`.
         limbs: (P,) limb of each part of the scene.
@@ -131,7 +131,7 @@ def correspondences(asked: Comparison, q: Array, gate_px: float, direction_deg: 
     """Oriented nearest neighbours between a person's contours and the edges observed, both ways, one by one.
 
     Args:
-        asked: scene and person; what was observed is an `Observation`.
+        asked: scene and person; its observation is an `Observation`.
         q: (dof,) rad and m.
         gate_px: largest distance of a pair, px.
         direction_deg: largest angle between model normal and scene gradient, modulo sign, degrees.
@@ -162,7 +162,7 @@ def correspondences(asked: Comparison, q: Array, gate_px: float, direction_deg: 
 
 @dataclass(frozen=True)
 class Equations:
-    """J^T W J dq = -J^T W r, with what is needed to judge the variance; several kinds of evidence add up."""
+    """J^T W J dq = -J^T W r, with the sums for the variance; several kinds of evidence add up."""
 
     matrix: Array
     """(dof, dof) J^T W J."""
@@ -184,9 +184,9 @@ class Equations:
         return Equations(jacobian.T @ weighted, weighted.T @ residual, squares, float(weights.sum()))
 
     def pulled(self, weights: Array, offsets: Array) -> Equations:
-        """The equations with a pull on each parameter (dof,), by its offset (dof,) from where it is drawn to.
+        """The equations with a pull on each parameter (dof,), by its offset (dof,) from its target.
 
-        They say no more of the variance of a residual: a pull is no observation.
+        The variance of a residual stays: a pull is not an observation.
         """
         matrix = self.matrix.copy()
         matrix[np.diag_indices(len(weights))] += weights
@@ -194,7 +194,7 @@ class Equations:
 
     @staticmethod
     def nothing(dof: int) -> Equations:
-        """Equations that say nothing."""
+        """Equations without content."""
         return Equations(np.zeros((dof, dof)), np.zeros(dof), 0.0, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""What a person is compared with: outlines of given silhouettes, and everything of a scene but the pose."""
+"""Data that a person is compared with: outlines of given silhouettes, and everything of a scene except the pose."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from tracker.images.operations.edges import EdgeSegments, canny, chamfer_image, 
 from tracker.images.sight import Observation, ViewObservation
 from tracker.synthesis import Synthesis
 
-# Of the steps of a mask's outline: a choice.
+# Direction of the steps of a mask's outline: a choice.
 _SMOOTHING_PX = 1.2
-# Of the chamfer image: what a pose is searched from.
+# Reach of the chamfer image, from which a search starts.
 _REACH_PX = 40.0
 # A choice: points beyond add cost and hardly accuracy.
 _SCENE_POINTS = 500
 
-# An outline this close to what is not known, half of it to either side, is the border of that.
+# An outline this close to unknown pixels, half of it to either side, is their border.
 _BESIDE_PX = 7
 
-# Holes of less than this share of a region are specks of its mask: what an arm encloses on the hip is larger.
+# Holes of less than this share of a region are specks of its mask: an arm on the hip encloses a larger one.
 _SMALL_HOLE = 0.001
 
 # A sample is on the outline if the model does not cover the pixel this far outside of it, px.
@@ -38,9 +38,8 @@ def outline_observation(masks: tuple[Mask | None, ...], unknown: tuple[Mask | No
     """The outlines of silhouettes as the only edges.
 
     Args:
-        masks: (H, W) of each view, None where it is not known.
-        unknown: (H, W) of each view where it is not known what is a silhouette: its border is no outline; None for
-            nowhere.
+        masks: (H, W) of each view, None if unknown.
+        unknown: (H, W) unknown pixels of each view: their border is not an outline; None for none.
     """
     pairs = zip(masks, unknown or (None,) * len(masks), strict=True)
     return Observation(tuple(None if mask is None else _outlined(mask, doubted) for mask, doubted in pairs))
@@ -75,7 +74,7 @@ def _outlined(mask: Mask, unknown: Mask | None) -> ViewObservation:
 
 
 def _around(mask: Mask) -> Region:
-    """The box that the mask fills with all that its outline can be near to, inside the image."""
+    """The box of the mask and of all pixels near its outline, inside the image."""
     x, y, width, height = cv2.boundingRect(mask.view(np.uint8))
     margin = int(_REACH_PX) + 8
     left, top = max(x - margin, 0), max(y - margin, 0)
@@ -130,7 +129,7 @@ _Found = TypeVar("_Found")
 
 @dataclass(frozen=True)
 class Comparison:
-    """What a kind of evidence is asked about (paper, figure 1b).
+    """The question to a kind of evidence (paper, figure 1b).
 
     The other persons of the scene stay at their poses: earlier ones at their best, later ones as predicted.
     """
@@ -139,12 +138,12 @@ class Comparison:
     person: int
     synthesis: Synthesis
     observed: Any
-    """What the evidence that is asked has observed, as its `observe` returned it."""
+    """Observation of this kind, as its `observe` returned it."""
 
     _last: dict[str, tuple[bytes, Any]] = field(default_factory=dict, repr=False, compare=False)
 
     def put(self, observed: Any) -> Comparison:
-        """The same question put to a kind of evidence that has observed something else."""
+        """The same question for a kind of evidence with another observation."""
         return Comparison(self.scene, self.person, self.synthesis, observed, self._last)
 
     def with_contours(self, q: Array, contours: Contours) -> Comparison:
@@ -168,8 +167,9 @@ class Comparison:
     def ends(self) -> Integers:
         """(P,) last pose parameter that moves each part of the scene; -2 for the parts of other persons.
 
-        A sample of a smooth skin counts as its strongest part's. The derivative of the surface is the weighted sum over
-        all parts that move it, but refinements by that were worse in most starts and twice as dear; see the results.
+        A sample of a smooth skin counts as its strongest part's. The exact derivative of the surface is the weighted
+        sum over all parts that move it, but refinements with it were worse in most starts and took twice as long; see
+        the results.
         """
 
         def find() -> Integers:
@@ -192,16 +192,16 @@ class Comparison:
 
         Args:
             poses: rad and m.
-            coarse: as dense as is enough to rank many poses; see `tracker.synthesis.Synthesis.contours`.
+            coarse: dense enough to rank many poses; see `tracker.synthesis.Synthesis.contours`.
         """
         return self.synthesis.contours(self.scene, self.person, poses, coarse)
 
     def fine(self, q: Array) -> Contours:
-        """The contours of one pose (dof,), kept until another one is asked for: several kinds of evidence need them."""
+        """The contours of one pose (dof,), kept until the next pose: several kinds of evidence need them."""
         return self._once("fine", q.tobytes(), lambda: self.contours(q[None]))
 
     def _once(self, what: str, key: bytes, find: Callable[[], _Found]) -> _Found:
-        """What was found for the key asked about last; found now for another one."""
+        """The value for the last key; computed anew for another one."""
         kept = self._last.get(what)
         if kept is None or kept[0] != key:
             kept = self._last[what] = key, find()

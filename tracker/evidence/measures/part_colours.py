@@ -1,7 +1,7 @@
-"""How few colours each part of a body has where a pose puts it: tells where limbs are that contours do not show well.
+"""How few colours each part of a body has at a pose: shows limbs that contours do not show well.
 
-A forearm that lies before the chest is skin before a shirt, one hanging down before a hip has trousers' colours if that
-is not where it is. Nothing has to be learnt for that, so that it tells already in the first frame.
+A forearm before the chest is skin before a shirt; one wrongly hanging before a hip has trousers' colours. It learns
+nothing, so that it works in the first frame.
 """
 
 from __future__ import annotations
@@ -25,8 +25,7 @@ from tracker.synthesis.cpu import CpuSynthesis
 
 # Pictures are so much smaller: forearms of persons 300 px high are still ten pixels wide.
 _SMALLER = 2
-# Where no foreground is known, what is beside a person counts as far as this share of its size.
-# See docs/lab/part_colours.md.
+# Margin around a person, as a share of the size, where the foreground is unknown. See docs/lab/part_colours.md.
 _AROUND = 0.25
 # Whatever renderer a run has: small pictures of one pose are the CPU's, and the same on every machine.
 _SYNTHESIS = CpuSynthesis()
@@ -34,7 +33,7 @@ _SYNTHESIS = CpuSynthesis()
 
 @dataclass(frozen=True)
 class PartColours:
-    """The colours of one frame where the persons are."""
+    """The colours of one frame around the persons."""
 
     rig: Rig
     """Of the smaller pictures."""
@@ -43,20 +42,21 @@ class PartColours:
     """Of each view the colours of the pixels that count."""
 
     places: tuple[Integers, ...]
-    """Of each view where in the picture, row by row, they are."""
+    """Of each view their places in the picture, row by row."""
 
     n_px: tuple[int, ...]
-    """About how many pixels of all pictures each person covers."""
+    """Approximate number of pixels of all pictures that each person covers."""
 
     def impurities(self, scene: Scene, person: int, poses: Array) -> Array:
-        """How mixed the colours of a person's parts are: their entropy given the part, nats for each pixel of hers.
+        """Mixture of the colours of a person's parts: their entropy given the part, nats for each pixel of the person.
 
-        Both sides' parts have the same colours, as clothes do; what counts and is covered by no part is one more.
+        Both sides' parts have the same colours, as clothes do; pixels that count without a part are one part more.
 
         Args:
             scene: all persons, the others at their poses.
-            person: whose parts are meant.
-            poses: (B, dof) hers, rad and metres; those that have most in common take the least time.
+            person: owner of the parts.
+            poses: (B, dof) of the person, rad and metres; similar poses take the least
+                time.
 
         Returns:
             (B,)
@@ -66,7 +66,7 @@ class PartColours:
         return np.array(nats) / max(self.n_px[person], 1)
 
     def _entropy(self, ids: Sequence[NDArray[Any]], kinds: Integers) -> float:
-        """Nats in the colours of what each view's pixels (H, W) show; see `_kinds`."""
+        """Nats in the colours of each view's pixels (H, W); see `_kinds`."""
         counts = np.zeros((int(kinds.max()) + 1) * N_COLOURS, dtype=np.int64)
         for seen, numbers, places in zip(ids, self.numbers, self.places, strict=True):
             # the last kind is that of -1, of no part
@@ -76,7 +76,7 @@ class PartColours:
 
 
 def part_colours(sight: Sight, scene: Scene) -> PartColours:
-    """The colours of a frame, of the foreground where that is known and of all around the persons elsewhere.
+    """The colours of a frame, of the known foreground, and of all pixels around the persons elsewhere.
 
     Args:
         sight: the images.
@@ -95,7 +95,7 @@ def part_colours(sight: Sight, scene: Scene) -> PartColours:
 
 
 def _counted(sight: Sight, view: int, model: Mask) -> Mask:
-    """Which pixels (h, w) of a smaller picture count: the foreground, and what is not known near the persons."""
+    """Pixels (h, w) of a smaller picture that count: the foreground, and unknown ones near the persons."""
     foreground, unknown = sight.silhouette(view), sight.unknown(view)
     near = _around(model)
     if foreground is None:
@@ -105,7 +105,7 @@ def _counted(sight: Sight, view: int, model: Mask) -> Mask:
 
 
 def _around(model: Mask) -> Mask:
-    """(h, w) the box around a silhouette, and some more."""
+    """(h, w) the box around a silhouette, with a margin."""
     near = np.zeros_like(model)
     rows, columns = (np.flatnonzero(model.any(axis=axis)) for axis in (1, 0))
     if len(rows):
@@ -128,7 +128,7 @@ def _encoded(image: Image, shape: tuple[int, ...]) -> Numbers16:
 
 
 def _kinds(scene: Scene, person: int) -> Integers:
-    """(P + 1,) for each part of a scene, and for no part: what its colours are counted with."""
+    """(P + 1,) for each part of a scene, and for no part: the number under which its colours are counted."""
     own = _paired(scene.persons[person].body)
     first, n_kinds = scene.first_part(person), int(own.max(initial=-1)) + 1
     kinds = np.full(len(scene.shapes) + 1, n_kinds, dtype=np.int64)
@@ -138,7 +138,7 @@ def _kinds(scene: Scene, person: int) -> Integers:
 
 
 def _paired(body: BodyModel) -> Integers:
-    """(P,) the number of each part, or of the other side's where that comes first."""
+    """(P,) the number of each part, or of the other side's if that comes first."""
     names = [part.name for part in body.parts]
     others = (body.mirror.of(name) for name in names)
     numbers = [min(n, names.index(other) if other in names else n) for n, other in enumerate(others)]
@@ -146,6 +146,6 @@ def _paired(body: BodyModel) -> Integers:
 
 
 def _entropy(counts: Integers) -> float:
-    """Nats in all of rows of counts (R, N): for each that is counted the negative logarithm of its share of the row."""
+    """Nats in all of rows of counts (R, N): for each count the negative logarithm of its share of the row."""
     total, seen = counts.sum(axis=1), counts[counts > 0]
     return float((total[total > 0] * np.log(total[total > 0])).sum() - (seen * np.log(seen)).sum())

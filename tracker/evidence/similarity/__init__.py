@@ -16,10 +16,10 @@ class Similarity(Protocol):
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """Distance of each pose (B, dof) in each view: (B, V) px; NaN for a missing view.
 
-        Contours are taken coarse (`asked.contours(poses, coarse=True)`): many poses are ranked.
+        Contours are coarse (`asked.contours(poses, coarse=True)`), because it ranks many poses.
         """
         ...
 
     def equations(self, asked: Comparison, q: Array, gate_px: float) -> Equations:
-        """What makes the distance smaller, linearized at a pose (dof,); farther than `gate_px` nothing is matched."""
+        """Equations that reduce the distance, linearized at a pose (dof,), of pairs no farther apart than `gate_px`."""
         ...

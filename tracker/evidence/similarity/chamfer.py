@@ -30,7 +30,7 @@ class ChamferSimilarity:
     """Largest angle between the normal of the model contour and the scene's gradient in a refinement, degrees."""
 
     votes: bool = False
-    """Pair a segment of edges with one limb alone in a refinement: that which most of its points are nearest to."""
+    """Pair a segment of edges with only one limb in a refinement: the one nearest to most of its points."""
 
     def distances(self, asked: Comparison, poses: Array) -> Array:
         """(B, V) undirected distance (eq. 3) in each view; see `tracker.evidence.similarity.Similarity.distances`."""

@@ -20,7 +20,7 @@ class PlueckerSimilarity:
 
     Each edge point is a ray ``L = (n, m)``, n its unit direction and ``m = c x n`` with the camera's place c, and the
     model point X that it is paired with must lie on it: ``X x n - m = 0`` (eqs. 10-12; two independent equations a
-    pair). Where `chamfer` minimizes the distance along the normal of the contour alone, that holds points along the
+    pair). `chamfer` only minimizes the distance along the normal of the contour. This measure holds points along the
     contour as well: a limb that has to slide along its own contour takes more steps.
     """
 
@@ -46,7 +46,7 @@ class PlueckerSimilarity:
 
 
 def incidence(pairs: Correspondences, asked: Comparison, q: Array) -> tuple[Array, Array]:
-    """How far model points are beside the rays of their edge points, linear in the pose.
+    """Distances of model points from the rays of their edge points, linear in the pose.
 
     Args:
         pairs: N model points and edge points.
@@ -64,7 +64,7 @@ def incidence(pairs: Correspondences, asked: Comparison, q: Array) -> tuple[Arra
 
 
 def _lines(pairs: Correspondences, rig: Rig) -> tuple[Array, Array, Array]:
-    """Directions (N, 3) and moments (N, 3) of the edge points' rays; pixels (N,) that a metre across them is."""
+    """Directions (N, 3) and moments (N, 3) of the edge points' rays; pixels (N,) per metre across them."""
     directions, moments = np.zeros_like(pairs.points), np.zeros_like(pairs.points)
     px_per_m = np.zeros(len(pairs.points))
     for v, camera in enumerate(rig.cameras):

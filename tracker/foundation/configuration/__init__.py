@@ -1,4 +1,4 @@
-"""Configurations: TOML tables made into components and back, their files, their schemas, components from outside.
+"""Configurations: components from TOML tables and back, their files, their schemas, components from outside.
 
-`components` finds a component: a section is called like a folder, `use` names a file in it. Everybody may import it.
+`components` finds a component: a section has the name of a folder, `use` names a file in it. Every room may import it.
 """

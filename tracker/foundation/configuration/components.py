@@ -1,4 +1,4 @@
-"""Finds components: a section is called like a folder, and `use` names a file in it, in whichever room the folder lies.
+"""Finds components: a section has the name of a folder, in any room, and `use` names a file in it.
 
 `use = "chamfer"` in [similarity] is tracker/evidence/similarity/chamfer.py.
 """
@@ -28,7 +28,7 @@ _ASK: ContextVar[_Ask | None] = ContextVar("ask", default=None)
 
 
 def ask_before_plugins(ask: _Ask) -> None:
-    """Has a function called with `package.module:Class` before that is imported; it may raise to forbid it."""
+    """Registers a function that is called with `package.module:Class` before its import; it may raise to forbid it."""
     _ASK.set(ask)
 
 
@@ -36,11 +36,11 @@ def plugin(use: str, contract: Any) -> type[Any]:
     """The class that `package.module:Class` names.
 
     Args:
-        use: where it is.
+        use: its module and name.
         contract: the protocol that it must follow; None for any component.
 
     Raises:
-        ConfigError: there is none, it is no component, or not one of that stage.
+        ConfigError: it does not exist, is not a component, or not one of that stage.
     """
     module_name, _, class_name = use.partition(":")
     if not all(word.isidentifier() for word in (*module_name.split("."), *class_name.split("."))):
@@ -59,7 +59,7 @@ def plugin(use: str, contract: Any) -> type[Any]:
         raise ConfigError(f'use = "{use}": not a component, expected a class made with @component')
     if contract is not None and (fault := _fault(found, contract)):
         raise ConfigError(
-            f'use = "{use}": {fault}, as {contract.__module__} ({contract.__name__}) asks of its components'
+            f'use = "{use}": {fault}, which {contract.__module__} ({contract.__name__}) demands of its components'
         )
     return found
 
@@ -81,7 +81,7 @@ def _fault(found: type[Any], contract: Any) -> str:
 
 
 def _takes(method: Any, n_arguments: int) -> bool:
-    """Whether a method can be called with so many positional arguments, itself among them."""
+    """Whether a method can be called with so many positional arguments, including itself."""
     try:
         inspect.signature(method).bind(*range(n_arguments))
     except TypeError:
@@ -115,10 +115,10 @@ class ModelName(RelativePath):
 
 
 RECORDED = "median"
-"""In place of a path to plates: they are made of the recording itself, and said where they can't be."""
+"""In place of a path to plates: the recording itself makes them, and a message says where it cannot."""
 
 NO_PLATES = "none"
-"""In place of a path to plates: none, not even of the recording."""
+"""In place of a path to plates: none, not even from the recording."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -126,7 +126,7 @@ class PlateSource(RelativePath):
     """Marks clean plates: a path with `{view}`, `RECORDED` or `NO_PLATES`."""
 
     def resolved(self, text: str, folder: Path) -> str:
-        """The absolute path, or the word as it is."""
+        """The absolute path, or the word itself."""
         return text if text in (RECORDED, NO_PLATES) else super().resolved(text, folder)
 
 
@@ -135,7 +135,7 @@ FilePath = Annotated[Path, pydantic.Field(strict=False), RelativePath()]
 
 PathPattern = Annotated[str, RelativePath()]
 ViewPaths = PathPattern | dict[str, PathPattern]
-"""A path with `{view}`, or a table of paths, one a view, whose files are not called after the views."""
+"""A path with `{view}`, or a table with the path of each view, whose files have other names than the views."""
 
 PlatePattern = Annotated[str, PlateSource()]
 """A path with placeholders such as `{view}`; a relative one starts at the configuration file's folder."""
@@ -143,13 +143,13 @@ PlatePattern = Annotated[str, PlateSource()]
 
 @dataclasses.dataclass(frozen=True)
 class ReadBy:
-    """Marks a field whose value a function makes of what a configuration says."""
+    """Marks a field whose value a function makes from the configuration's value."""
 
     function: Callable[[Any, str, Path], Any]
-    """Takes the value, file and section for messages, and the folder where relative paths start."""
+    """Gets the value, file and section for messages, and the folder where relative paths start."""
 
     described: Callable[[Any], Any]
-    """Makes of the value what the function makes the same value of."""
+    """The inverse: a configuration's value from which the function makes the same value."""
 
 
 ModelFile = Annotated[Path, pydantic.Field(strict=False), ModelName()]
@@ -182,17 +182,17 @@ def standard(stage: str, use: str) -> Any:
 
 
 def stages() -> tuple[str, ...]:
-    """The folders whose files are components: those with a contract that is called like the folder."""
+    """The folders of components: those with a contract of the folder's name."""
     return tuple(sorted(name for name in _folders() if contract(name) is not None))
 
 
 def contract(stage: str) -> Any:
-    """The protocol that a stage's components follow, None for a folder without one."""
+    """The protocol of a stage's components, None for a folder without one."""
     return getattr(importlib.import_module(_folders()[stage]), stage.capitalize(), None)
 
 
 def stage_of(module: str) -> str:
-    """The folder that a module lies in, or that it is: the stage of the component or of the contract in it."""
+    """The folder of a module, or the module itself: the stage of its component or contract."""
     folder = module if module in _folders().values() else module.rpartition(".")[0]
     return folder.rpartition(".")[2]
 
@@ -220,7 +220,7 @@ def find(stage: str, use: str) -> type[Any]:
         use: file name in that folder, or ``my_lab.module:Class`` outside the package.
 
     Raises:
-        ConfigError: there is none of that name, or it does not fit the stage.
+        ConfigError: no component has that name, or it does not fit the stage.
     """
     if ":" in use:
         return plugin(use, contract(stage))

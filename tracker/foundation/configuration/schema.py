@@ -1,4 +1,4 @@
-"""JSON schemas of configurations and of other TOML files, for editors: draft 7, which Taplo and its kin know."""
+"""JSON schemas of configurations and of other TOML files, for editors: draft 7, for Taplo and others."""
 
 from __future__ import annotations
 
@@ -20,22 +20,23 @@ from tracker.foundation.source_files import json_of
 Schema = dict[str, Any]
 
 SCHEMA = "bodytrack.schema.json"
-"""Beside the configurations that `bodytrack init` writes, whose first line names it."""
+"""File beside the configurations that `bodytrack init` writes; their first line names it."""
 
 _TITLE = "bodytrack: "
-"""How schemas of this program are called."""
+"""Title of this program's schemas."""
 
 _DIALECT = "http://json-schema.org/draft-07/schema#"
 _REFERENCE = "#/definitions/{model}"
 _FOREIGN = ":"
-"""In the name of a component from outside the package, `my_lab.module:Class`: a schema knows nothing of its fields."""
+"""Character in the name of a component from outside the package, `my_lab.module:Class`: its fields are unknown to a
+schema."""
 
 _STAGE = "x-stage"
-"""Stands for a component of a stage until `_Writer` has written out which ones there are."""
+"""Stands for a component of a stage until `_Writer` lists its components."""
 
 
 class _Generator(GenerateJsonSchema):
-    """Pydantic's, for TOML, which has no null, and for contracts in place of classes."""
+    """Pydantic's schemas, adapted to TOML, which has no null, and to contracts in place of classes."""
 
     schema_dialect = _DIALECT
     ignored_warning_kinds = {"skipped-choice", "non-serializable-default"}  # noqa: RUF012 - as the base class has it
@@ -63,7 +64,7 @@ class _Generator(GenerateJsonSchema):
 def schema_of_job(use: str) -> Schema:
     """The schema of a job's configuration: sections, components and their fields.
 
-    What it accepts may still be refused when it is loaded: files that are missing, fields that exclude each other.
+    A configuration that it accepts may still fail to load: files may be missing, fields may exclude each other.
 
     Args:
         use: the job, a file in `tracker/running/jobs/`.
@@ -91,7 +92,7 @@ def is_schema(path: Path) -> bool:
 
 
 def _whole(root: Schema, definitions: Mapping[str, Schema]) -> Schema:
-    """A schema with the definitions that it refers to."""
+    """A schema with all definitions that it needs."""
     needed: dict[str, Schema] = {}
     waiting = list(_named(root))
     while waiting:
@@ -108,7 +109,7 @@ def _whole(root: Schema, definitions: Mapping[str, Schema]) -> Schema:
 
 
 def _named(schema: Any) -> Iterable[str]:
-    """Names of the definitions that a schema refers to by itself."""
+    """Names of the definitions that a schema uses directly."""
     for key, value in _pairs(schema):
         if key == "$ref":
             yield value.rpartition("/")[2]
@@ -127,7 +128,7 @@ def _reference(name: str) -> Schema:
 
 
 class _Writer:
-    """Writes the schema of a job: gathers the classes that its fields lead to, and names each component."""
+    """Writes the schema of a job: gathers the classes of its fields, and lists the components."""
 
     def __init__(self, job: type[Any]) -> None:
         self._job = job
@@ -165,7 +166,7 @@ class _Writer:
         return str(self._references[cls]["$ref"]).rpartition("/")[2]
 
     def _fields(self, cls: type[Any]) -> Schema:
-        """The table of a class's fields, those that hold components with what they may be."""
+        """The table of a class's fields; those of components list the choices."""
         schema: Schema = self._resolved(self._plain[self._name_of(cls)])
         kinds = typing.get_type_hints(cls, include_extras=True)
         for name, field in cls.__pydantic_fields__.items():
@@ -175,7 +176,7 @@ class _Writer:
         return schema
 
     def _special(self, kind: Any, field: Any) -> Schema | None:
-        """What pydantic cannot tell of a field; None where it can."""
+        """Schema of a field where pydantic has none; None elsewhere."""
         if any(isinstance(mark, ReadBy) for mark in getattr(kind, "__metadata__", ())):
             return self._chosen(component_stage(entries_of(typing.get_args(kind)[0])) or "")
         stages = [stage for option in options_of(kind) if _is_contract(option) and (stage := component_stage(option))]
@@ -191,7 +192,7 @@ class _Writer:
         return None
 
     def _resolved(self, schema: Any) -> Any:
-        """A copy in which components are written out."""
+        """A copy with the components listed."""
         if isinstance(schema, list):
             return [self._resolved(entry) for entry in schema]
         if not isinstance(schema, dict):
@@ -201,10 +202,10 @@ class _Writer:
         return {key: self._resolved(value) for key, value in schema.items()}
 
     def _component(self, stage: str, usual: str | None) -> Schema:
-        """A component's name, or its table; without `use` it is the usual one.
+        """A component's name, or its table; without `use` it is the default.
 
-        The `anyOf`, whose last entry accepts all, is what editors offer; `if` and `else` check, so that a fault is told
-        of the one component that is meant.
+        Editors offer the `anyOf`, whose last entry accepts all; `if` and `else` check, so that a message names only the
+        one component concerned.
         """
         names = list(self._stages[stage])
         nameless = _reference(f"{stage}.{usual}.usual") if usual in names else {"type": "object", "required": ["use"]}
@@ -230,7 +231,7 @@ class _Writer:
             self._definitions[f"{stage}.{name}"] = {**fields, "required": ["use", *fields.get("required", ())]}
 
     def _chosen(self, stage: str) -> Schema:
-        """A list of components, or a table that changes the usual ones: true, false, or fields."""
+        """A list of components, or a table of changes to the default: true, false, or fields."""
         either = {"type": ["boolean", "object"]}
         return {
             "type": ["array", "object"],
@@ -244,12 +245,12 @@ class _Writer:
 
 
 def _one_of(names: Sequence[str], others: str) -> Schema:
-    """Text that is one of some names, which editors offer and faults list, or matches a pattern."""
+    """Text that is one of some names, which editors offer and messages list, or matches a pattern."""
     return {"anyOf": [{"enum": list(names)}, {}], "pattern": f"^({'|'.join(names)})$|{others}"}
 
 
 def _with_inner(cls: type[Any]) -> Iterable[type[Any]]:
-    """A class of fields, and those of its fields that are tables of a class of their own, at any depth."""
+    """A class of fields, and those of its fields that are tables with a class of their own, at any depth."""
     yield cls
     for kind in typing.get_type_hints(cls).values():
         for inner in _classes_in(kind):
@@ -264,7 +265,7 @@ def _classes_in(kind: Any) -> Iterable[type[Any]]:
 
 
 def _loadable(stage: str, use: str) -> type[Any] | None:
-    """The component; None where it needs a package that is not installed."""
+    """The component; None if it needs a package that is not installed."""
     try:
         return find(stage, use)
     except ConfigError:
@@ -272,5 +273,5 @@ def _loadable(stage: str, use: str) -> type[Any] | None:
 
 
 def _is_contract(kind: Any) -> bool:
-    """Whether a type is a stage's contract, of which a component is chosen."""
+    """Whether a type is a stage's contract, for which a component is chosen."""
     return isinstance(kind, type) and not dataclasses.is_dataclass(kind) and component_stage(kind) is not None

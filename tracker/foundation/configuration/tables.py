@@ -1,4 +1,4 @@
-"""Configuration: TOML tables to components and back."""
+"""Configuration: components from TOML tables and back."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tracker.foundation.source_files import toml_of
 
 
 def component_stage(kind: Any) -> str | None:
-    """The stage whose contract, or whose component, a field is typed with; None for plain values."""
+    """The stage whose contract, or whose component, is a field's type; None for plain values."""
     module = getattr(kind, "__module__", "")
     if not isinstance(kind, type) or not module.startswith("tracker."):
         return None
@@ -31,7 +31,7 @@ def component_stage(kind: Any) -> str | None:
 
 
 def path_mark(kind: Any) -> RelativePath | None:
-    """How a field's path is resolved; None for fields that hold none."""
+    """Function that resolves a field's path; None for fields without paths."""
     marks = (mark for mark in getattr(kind, "__metadata__", ()) if isinstance(mark, RelativePath))
     inner = (path_mark(argument) for argument in typing.get_args(kind))
     return next(marks, None) or next((mark for mark in inner if mark is not None), None)
@@ -45,7 +45,7 @@ def entries_of(kind: Any) -> Any:
 
 
 def named_of(kind: Any) -> Any:
-    """X of dict[str, X], also as one of several types, where X is a component or a path; None for other types."""
+    """X of dict[str, X], also in a union, if X is a component or a path; None for other types."""
     for option in options_of(kind):
         inner = typing.get_args(option)[1:] if typing.get_origin(option) is dict else ()
         if inner and (component_stage(inner[0]) is not None or path_mark(inner[0]) is not None):
@@ -68,10 +68,10 @@ def read_config(path: Path, overrides: Sequence[str] = ()) -> Table:
 
     Args:
         path: TOML file.
-        overrides: `section.key=value`, the value in TOML syntax; a bare word is taken as a string.
+        overrides: `section.key=value`, the value in TOML syntax; a bare word is a string.
 
     Raises:
-        ConfigError: the file cannot be read, or an override is no `key=value`.
+        ConfigError: the file cannot be read, or an override is not `key=value`.
     """
     table = toml_of(path, ConfigError, "the configuration")
     override_table(table, overrides)
@@ -79,10 +79,10 @@ def read_config(path: Path, overrides: Sequence[str] = ()) -> Table:
 
 
 def override_table(table: Table, overrides: Sequence[str]) -> None:
-    """Changes a table as `--set` asks for: `section.key=value`; entries of lists go by number, `persons.0.model=human`.
+    """Changes a table by `--set`: `section.key=value`; entries of lists go by number, `persons.0.model=human`.
 
     Raises:
-        ConfigError: an override is no `key=value`, or its section or entry is none.
+        ConfigError: an override is not `key=value`, or its section or entry does not exist.
     """
     for override in overrides:
         keys, sign, text = override.partition("=")
@@ -106,7 +106,7 @@ def override_table(table: Table, overrides: Sequence[str]) -> None:
 
 
 def _entry(entries: list[Any], number: str, override: str) -> int:
-    """The place in a list that an override names."""
+    """Index of a list in an override."""
     if not number.isdecimal() or int(number) >= len(entries):
         most = len(entries) - 1
         raise ConfigError(f'--set {override}: "{number}", expected the number of an entry, from 0 on, at most {most}')
@@ -114,14 +114,14 @@ def _entry(entries: list[Any], number: str, override: str) -> int:
 
 
 def build(stage: str, table: Mapping[str, Any], where: str, folder: Path, default: str | None = None) -> Any:
-    """Makes the component that a section describes.
+    """Makes the component of a section.
 
     Args:
-        stage: folder of the package the component is in.
+        stage: folder of the component.
         table: `use` names the component, the other keys are its fields.
         where: file and section for messages, e.g. `run.toml [reading]`.
         folder: where relative paths start.
-        default: component used where `use` is not given.
+        default: component without `use`.
 
     Raises:
         ConfigError: names file, section and key, what was found and the nearest valid name.
@@ -140,7 +140,7 @@ def build(stage: str, table: Mapping[str, Any], where: str, folder: Path, defaul
 def build_class(cls: type[Any], table: Mapping[str, Any], where: str, folder: Path) -> Any:
     """Makes a component of a known class from its fields; see `build`.
 
-    This is the one place where keys are checked: sections of a job, fields of a component, entries of a list.
+    Keys are only checked here: sections of a job, fields of a component, entries of a list.
     """
     kinds = typing.get_type_hints(cls, include_extras=True)
     defaults = {field.name: _default(cls, field.name) for field in dataclasses.fields(cls)}
@@ -158,15 +158,15 @@ def build_class(cls: type[Any], table: Mapping[str, Any], where: str, folder: Pa
 
 
 def _default(cls: type[Any], key: str) -> Any:
-    """The default of a component's field; something that is no component if it has none."""
+    """The default of a component's field; another object if it has none."""
     field = getattr(cls, "__pydantic_fields__", {}).get(key)
     return None if field is None else field.get_default(call_default_factory=True)
 
 
 def _over_default(value: Any, default: Any) -> Any:
-    """The table of a nested component with what it leaves out as the field's own default has it.
+    """The table of a nested component, completed with the field's own default.
 
-    A table that names another component starts from that one's defaults.
+    A table with another component starts from that component's defaults.
     """
     if not isinstance(value, dict) or not dataclasses.is_dataclass(default) or isinstance(default, type):
         return value
@@ -201,7 +201,7 @@ def _as_expected(message: str) -> str:
 
 
 def _value(kind: Any, value: Any, where: str, folder: Path) -> Any:
-    """A TOML value as the field's type wants it: components built, lists as tuples, paths made absolute."""
+    """A TOML value in the field's type: components built, lists as tuples, paths made absolute."""
     for mark in getattr(kind, "__metadata__", ()):
         if isinstance(mark, ReadBy):
             return mark.function(value, where, folder)
@@ -229,7 +229,7 @@ def _value(kind: Any, value: Any, where: str, folder: Path) -> Any:
 
 
 def _component(kind: type[Any], value: Any, where: str, folder: Path) -> Any:
-    """The component that a table, or only its name, describes."""
+    """The component of a table, or of a name alone."""
     chosen, stage = not dataclasses.is_dataclass(kind), component_stage(kind) or ""
     if chosen and isinstance(value, str):
         value = {"use": value}
@@ -253,7 +253,7 @@ def expanded(text: str, where: str) -> str:
     """A path with `${NAME}` replaced by environment variables.
 
     Raises:
-        ConfigError: such a variable is not set.
+        ConfigError: the variable is not set.
     """
 
     def variable(match: re.Match[str]) -> str:
@@ -266,13 +266,13 @@ def expanded(text: str, where: str) -> str:
 
 
 def component_name(cls: type[Any]) -> str:
-    """What `use` calls a component: its file, or `package.module:Class` outside the package."""
+    """A component's name in `use`: its file, or `package.module:Class` outside the package."""
     inside = cls.__module__.startswith("tracker.")
     return cls.__module__.rpartition(".")[2] if inside else f"{cls.__module__}:{cls.__qualname__}"
 
 
 def describe(component: Any) -> Table:
-    """The resolved configuration of a component: `use` and all fields; `build` makes an equal one of it."""
+    """The resolved configuration of a component: `use` and all fields; `build` makes an equal component of it."""
     return {"use": component_name(type(component)), **described_fields(component)}
 
 

@@ -1,4 +1,4 @@
-"""Pure geometry: lines in space, rigid motions, points that fill a box evenly; superquadrics beside."""
+"""Pure geometry: lines in space, rigid motions, points that fill a box evenly; superquadrics in a file of their own."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from tracker.foundation.arrays import Array
 
 
 def line_from_planes(normals: Array, points: Array) -> tuple[Array, Array, float]:
-    """The line that planes have in common, in the least squares sense.
+    """The common line of planes, by least squares.
 
     Args:
         normals: (V, 3) unit normals.
         points: (V, 3) a point on each plane, metres.
 
     Returns:
-        A point (3,) on the line, its unit direction (3,), and how well it is determined: the middle singular
-        value of the normals, 0 where all planes are parallel.
+        A point (3,) on the line, its unit direction (3,), and how well it is determined: the middle singular value of
+        the normals, 0 for parallel planes.
     """
     _, values, rows = np.linalg.svd(normals, full_matrices=True)
     direction = rows[2]
-    # Of all points on the line the one nearest to the planes' points keeps the numbers small.
+    # The point on the line nearest to the planes' points keeps the numbers small.
     centre = points.mean(axis=0)
     offsets = ((points - centre) * normals).sum(axis=1)
     shift, *_ = np.linalg.lstsq(normals, offsets, rcond=1e-6)
@@ -31,7 +31,7 @@ def line_from_planes(normals: Array, points: Array) -> tuple[Array, Array, float
 
 
 def nearest_along_line(point: Array, direction: Array, origin: Array, rays: Array) -> tuple[Array, Array]:
-    """Where viewing rays pass a line.
+    """Points of a line nearest to viewing rays.
 
     Args:
         point, direction: (3,) the line; the direction has unit length.
@@ -54,8 +54,8 @@ def nearest_along_line(point: Array, direction: Array, origin: Array, rays: Arra
 def rigid_motion(points: Array, targets: Array) -> Array:
     """(4, 4) rotation and shift that bring points nearest to their targets, by least squares and without scale.
 
-    By singular values (Kabsch 1976, Arun et al. 1987); never a reflection. Points on a line leave the turn about it
-    open, and one point every turn: what comes back is one of the nearest motions. `Rotation.align_vectors` of scipy
+    By singular values (Kabsch 1976, Arun et al. 1987); never a reflection. With points on a line the turn about it
+    is open, with one point every turn: the result is one of the nearest motions. `Rotation.align_vectors` of scipy
     gives the same to 1e-15; it refuses a single point, warns of a line, and takes twice as long.
 
     Args:

@@ -110,7 +110,7 @@ def signed_distance(shape: Array, points: Array) -> tuple[Array, Array]:
 
 
 def shape_derivatives(shape: Array, points: Array) -> Array:
-    """How surface points of fixed latitude and longitude move with the shape.
+    """Movement of surface points of fixed latitude and longitude with the shape.
 
     Args:
         shape: (7,) packed superquadric, or (7, ...) one for each point.
@@ -171,7 +171,7 @@ def _resample(shape: Array, eta: Array, omega: Array, parameter: Array, n: int) 
 
 
 def box_bounds(shapes: Array) -> Array:
-    """(3, P) bounds of packed shapes (P, 7) as `place_solids` wants them: those of the boxes around them."""
+    """(3, P) bounds of packed shapes (P, 7) for `place_solids`: those of the boxes around them."""
     size, growth = shapes[:, :3], 1 + np.abs(shapes[:, 5:7])
     across = np.linalg.norm(size[:, :2] * growth, axis=1)
     return frozen([np.hypot(across, size[:, 2]), (growth**2).sum(axis=1) + 1, across])
@@ -217,7 +217,7 @@ def _triangulated(shapes: bytes, n_eta: int, n_omega: int) -> Meshes:
 def _grid_triangles(n_eta: int, n_omega: int) -> Integers:
     """Triangles (T, 3) between the points of a grid of latitudes and longitudes, anticlockwise seen from outside.
 
-    The first latitude and the last are poles: triangles there that have no area are left out.
+    The first latitude and the last are poles: triangles without area are left out.
     """
     rows, columns = np.meshgrid(np.arange(n_eta - 1), np.arange(n_omega), indexing="ij")
     a, b = rows * n_omega + columns, rows * n_omega + (columns + 1) % n_omega

@@ -1,4 +1,4 @@
-"""Pages that need no other file: reports and comparisons fill their own templates, which share one look."""
+"""Self-contained pages: reports and comparisons fill their own templates, which share one look."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import jinja2
 
 
 def filled(package: str, template: str, content: Mapping[str, object]) -> str:
-    """A page as HTML; what is put in is escaped.
+    """A page as HTML; its content is escaped.
 
     Args:
-        package: where the template lies, for instance `tracker.results.recording`; it may extend `page.html`, which has
-            head and style.
+        package: of the template, for instance `tracker.results.recording`; it may extend `page.html`, which has head
+            and style.
         template: its path there.
-        content: what it names.
+        content: values of its names.
     """
     loaders = [jinja2.PackageLoader(package, "."), jinja2.PackageLoader("tracker.foundation.pages", ".")]
     environment = jinja2.Environment(loader=jinja2.ChoiceLoader(loaders), autoescape=True)
