@@ -21,6 +21,6 @@ class Estimation(Protocol):
             starts: (C, dof) candidate predictions, the preferred one first, rad and m.
 
         Returns:
-            The pose with its evidence; its status is for the tracking to decide.
+            The pose with its evidence; the tracking decides on its status.
         """
         ...

@@ -19,7 +19,7 @@ from tracker.tracking.objective import Objective
 class BestFirstEstimation:
     """Searches a lattice of poses around the prediction, one parameter group after the other.
 
-    Each group is searched with the others held: earlier ones at the best found, later ones as predicted.
+    Each group is searched with the others held: earlier ones at the best pose so far, later ones as predicted.
     """
 
     decomposition: tuple[str, ...] = ()
@@ -58,7 +58,7 @@ class BestFirstEstimation:
         return objective.estimate(q, unknown, n_evaluations)
 
     def search_level(self, objective: Objective, q: Array, level: int) -> tuple[Array, int]:
-        """Searches all groups around a pose (dof,) after so many halvings: the best pose and the number evaluated."""
+        """Searches all groups around a pose (dof,) after some halvings: the best pose and the number evaluated."""
         n_evaluations = 0
         for group in self.decomposition or objective.body.coarse_groups:
             q, n = self.search_group(objective, q, objective.body.group(group), 0.5**level)

@@ -1,4 +1,4 @@
-"""Segmentation and pose estimation in turn (Rosenhahn et al. 2006, eq. 4): each starts from what the other found."""
+"""Segmentation and pose estimation in turn (Rosenhahn et al. 2006, eq. 4): each starts from the other's result."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from tracker.tracking.objective import Objective
 
 @component
 class CoupledEstimation:
-    """Estimates the pose, has the images looked at again with that pose as their prior, and estimates it anew.
+    """Estimates the pose, observes the images again with that pose as their prior, and estimates it anew.
 
-    Only evidence whose observation depends on the pose gains by it: that of level sets. The rest is asked twice.
+    Only evidence whose observation depends on the pose gains by it: level sets. Other evidence observes twice.
     """
 
     of: Estimation = TwistIcpEstimation()
-    """Estimates the pose from what was observed."""
+    """Estimates the pose from an observation."""
 
     rounds: int = pydantic.Field(default=2, ge=1)
-    """How often contour and pose are found, each from the other."""
+    """Number of alternations between contour and pose."""
 
     def estimate(self, objective: Objective, starts: Array) -> Estimate:
-        """The pose of the last round; its account is that of what was observed last."""
+        """The pose of the last round; its account is from the last observation."""
         estimate = self.of.estimate(objective, starts)
         for _ in range(self.rounds - 1):
             objective = objective.observed_again(estimate.q)

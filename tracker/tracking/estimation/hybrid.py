@@ -1,4 +1,4 @@
-"""Refinement always, search where it is needed: the default estimation."""
+"""Refinement always, search only on doubt: the default estimation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tracker.tracking.verdict import likelier
 
 @component
 class HybridEstimation:
-    """Refines the candidate predictions; limbs whose contour stays unexplained are searched and refined again.
+    """Refines the candidate predictions; limbs with unexplained contour are searched and refined again.
 
     Refinement alone is safe to about 3 degrees and 2 cm and ten times cheaper than the search, which covers the
     paper's range of 15 degrees and 10 cm.
@@ -36,42 +36,41 @@ class HybridEstimation:
     """The refinement."""
 
     refined: int = pydantic.Field(default=2, ge=1)
-    """How many of the candidate predictions are refined, the best ones first; the others only where a group stays
-    poor."""
+    """Number of candidate predictions that are refined, the best ones first; the others only if a group stays poor."""
 
     search: bool = False
-    """Search the whole pose in every frame, as the paper does; else only where the refined prediction is poor."""
+    """Search the whole pose in every frame, as the paper does; otherwise only if the refined prediction is poor."""
 
     search_below: float = pydantic.Field(default=0.85, ge=0, le=1)
-    """Share of a limb's visible contour that images explain under which the limb is searched. A shin 30 degrees off
-    still lies 80 % on edges: those of its other side, of the other leg, of the floor. With 0.9, and trunks searched
-    like limbs, six runs of hard movement were as exact (30 mm, 19 instead of 16 frames with a joint 150 mm off) for
-    1.4 to 7 times the time: docs/lab/limits_and_vain_searches.md."""
+    """Explained share of a limb's visible contour below which the limb is searched. A shin 30 degrees off still lies 80
+    % on edges: of its other side, of the other leg, of the floor. With 0.9, and trunks searched like limbs, six runs of
+    hard movement were as exact (30 mm, 19 instead of 16 frames with a joint 150 mm off) for 1.4 to 7 times the
+    time: docs/lab/limits_and_vain_searches.md."""
 
     trunk_above: float = pydantic.Field(default=0.35, ge=0, le=1)
-    """Share left over above which a group that is no limb is searched: trunk and head, of which clothes and hair leave
-    over up to 0.3 in frames where nothing is wrong."""
+    """Left-over share above which a group other than a limb is searched: trunk and head, of which clothes and hair
+    leave over up to 0.3 in right frames."""
 
     # See docs/lab/vain_searches.md.
     worse: float = pydantic.Field(default=0.06, ge=0, le=1)
-    """The same, by how much the share must be more than the last search has left over, where that was in vain and the
-    wait after it is not over: a model that does not quite fit leaves something unexplained in every frame."""
+    """The same after a search in vain, until the next one is due: excess over the share that it left over.
+    A model that does not quite fit leaves something unexplained in every frame."""
 
     again_after: int = pydantic.Field(default=4, ge=1)
     """Frames after which a group that stays poor is searched again; after the second search in vain twice as many, and
-    four times as many from then on. In every frame, a person whom no model fits costs seconds a frame, to no avail."""
+    four times as many from then on. In every frame, a person whom no model fits would cost seconds a frame, in vain."""
 
     min_visible_px: float = pydantic.Field(default=100.0, ge=0)
-    """Groups that show less contour than this over all views are judged as if they showed so much, px."""
+    """Groups that show less contour than this over all views are judged as if they showed this much, px."""
 
     most_limbs: int = pydantic.Field(default=2, ge=0)
-    """Where more groups than this are poor, the whole pose is searched first."""
+    """If more groups than this are poor, the whole pose is searched first."""
 
     rounds: int = pydantic.Field(default=2, ge=1)
-    """How often limbs are exchanged and searched, as long as one stays unexplained."""
+    """Number of rounds in which limbs are exchanged and searched, while one stays unexplained."""
 
     def estimate(self, objective: Objective, starts: Array) -> Estimate:
-        """The best of the refined predictions and, where needed, of the refined search results."""
+        """The best of the refined predictions and, if needed, of the refined search results."""
         order = np.argsort(objective(starts), kind="stable")
         first = order[: self.refined]
         refined = self.then.estimate(objective, starts[first])
@@ -93,7 +92,7 @@ class HybridEstimation:
         return replace(refined, search_s=time.perf_counter() - begin, vain=vain)
 
     def _limbs_searched(self, objective: Objective, estimate: Estimate) -> Estimate:
-        """The estimate with weak limbs where they are likeliest, exchanged or elsewhere."""
+        """The estimate with weak limbs in their likeliest places, exchanged or elsewhere."""
         weak = self._worth_searching(objective, estimate)
         for _ in range(self.rounds):
             before = estimate
@@ -106,7 +105,7 @@ class HybridEstimation:
         return estimate
 
     def _worth_searching(self, objective: Objective, estimate: Estimate) -> tuple[str, ...]:
-        """Fine groups that leave too much over, unless they were searched in vain a short while ago."""
+        """Fine groups that leave over too much, unless a recent search for them was in vain."""
         body, tries = objective.body, {} if objective.history is None else objective.history.tries
         weak = []
         for group, share in self._left_over(body, estimate).items():
@@ -117,11 +116,11 @@ class HybridEstimation:
         return tuple(weak)
 
     def _allowed(self, body: BodyModel, group: str) -> float:
-        """The share that may be left over of a group that is not poor."""
+        """Largest left-over share of a group that is not poor."""
         return 1 - self.search_below if group in body.limbs else self.trunk_above
 
     def _left_over(self, body: BodyModel, estimate: Estimate) -> dict[str, float]:
-        """Fine group -> how much of model and scene is left over there, over its contour."""
+        """Fine group -> left-over length of model and scene there, over its contour."""
         left_over_px, visible_px = estimate.account.left_over_px, estimate.account.visible_px
         of_groups = {group: body.parts_of(group) for group in body.fine_groups}
         return {

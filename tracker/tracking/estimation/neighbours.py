@@ -1,4 +1,4 @@
-"""Neighbouring starts: limbs scattered around what was found are refined as well, and the best pose is kept."""
+"""Neighbouring starts: refines limbs scattered around the pose found as well, and keeps the best pose."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from tracker.tracking.verdict import likelier
 
 @component
 class NeighboursEstimation:
-    """Starts from neighbouring poses, too (Rosenhahn et al. 2006, section 2.3), a limb after the other.
+    """Starts from neighbouring poses, too (Rosenhahn et al. 2006, section 2.3), one limb after the other.
 
     The paper refines every neighbour, and keeps the one of least error. Here those of a limb are compared together,
-    for parts that stand still are looked at once, and the best of them refined.
+    because parts that stand still are drawn once, and the best of them refined.
 
     Not the default: it leads out of local minima, and into others. On three recordings a joint was 150 mm off in 32
     frames in place of 23 (docs/lab/defaults_with_plates.md). In 11 of these 23 the right pose, refined, had less
-    distance than the wrong one, in 8 of them by 0.1 px: elsewhere no search can find it.
+    distance than the wrong one, in 8 of them by 0.1 px; in the others no search can find it.
     """
 
     of: Estimation = HybridEstimation()
@@ -38,10 +38,10 @@ class NeighboursEstimation:
     """Refines them."""
 
     scattered: int = pydantic.Field(default=32, ge=1)
-    """Neighbours of each limb, as many around the pose found, the predictions and the last pose."""
+    """Neighbours of each limb, equally many around the pose found, the predictions and the last pose."""
 
     refined: int = pydantic.Field(default=2, ge=1)
-    """How many of them are refined, the best ones first."""
+    """Number of them that are refined, the best ones first."""
 
     spread_deg: float = pydantic.Field(default=15.0, gt=0)
     """Standard deviation of their angles, degrees."""
@@ -50,10 +50,10 @@ class NeighboursEstimation:
     """The same of translations, metres."""
 
     above: float = pydantic.Field(default=0.1, ge=0)
-    """Share left over of a limb above which its neighbours are tried."""
+    """Left-over share of a limb above which its neighbours are tried."""
 
     def estimate(self, objective: Objective, starts: Array) -> Estimate:
-        """The best of what was found and of its refined neighbours."""
+        """The best of the pose found and its refined neighbours."""
         found, body = self.of.estimate(objective, starts), objective.body
         best = found
         for group in body.limbs:

@@ -1,4 +1,4 @@
-"""Gauss-Newton refinement of a pose on what the evidence asks to be minimized, with joint limits."""
+"""Gauss-Newton refinement of a pose by the evidence's equations, with joint limits."""
 
 from __future__ import annotations
 
@@ -18,18 +18,17 @@ from tracker.tracking.objective import Objective
 
 @component
 class TwistIcpEstimation:
-    """Iterated linearization on the twists of the joints; of contours: iterated closest points.
+    """Iterated linearization on the twists of the joints; for contours: iterated closest points.
 
     Moves the pose so that the residuals of the evidence shrink (for contours: the distances along their normals to
     scene edges of agreeing direction), and repeats with a smaller gate.
 
     In the terms of Rosenhahn et al. 2006, section 2.3: motions are products of exponentials of twists (eqs. 5, 8, 9,
-    12: `tracker.kernels.body`), linearized with twists in the world (eq. 11: `BodyModel.point_jacobian`);
-    the equations of all views are one system for the six parameters of the body and its joint angles (`Equations`),
-    solved by Cholesky with limits and a prior where the paper takes Householder's. Which part a point belongs to is
-    told by the contour that it is paired with, or by votes as in section 2.2 (`votes` of `chamfer` and `level_set`).
-    The paper's point on a Pluecker line (eq. 10) is `similarity = { use = "pluecker" }`; `neighbours` adds
-    neighbouring starts.
+    12: `tracker.kernels.body`), linearized with twists in the world (eq. 11: `BodyModel.point_jacobian`); the equations
+    of all views are one system for the six parameters of the body and its joint angles (`Equations`), solved by
+    Cholesky with limits and a prior where the paper takes Householder's. The paired contour decides to which part a
+    point belongs, or votes do as in section 2.2 (`votes` of `chamfer` and `level_set`). The paper's point on a Pluecker
+    line (eq. 10) is `similarity = { use = "pluecker" }`; `neighbours` adds neighbouring starts.
     """
 
     # See docs/lab/fewer_refinement_steps.md.
@@ -46,16 +45,17 @@ class TwistIcpEstimation:
     """The same in the last iteration, px."""
 
     noise_px: float = pydantic.Field(default=1.0, gt=0)
-    """Standard deviation of an edge position the prior is weighed against, px."""
+    """Standard deviation of an edge position, for the weight of the prior, px."""
 
     prior_deg: float = pydantic.Field(default=15.0, gt=0)
-    """Standard deviation of an angle around the start, degrees: holds what the images do not show."""
+    """Standard deviation of an angle around the start, degrees: holds angles that the images do not show."""
 
     prior_m: float = pydantic.Field(default=0.15, gt=0)
     """Standard deviation of a translation around the start, metres."""
 
     same_deg: float = pydantic.Field(default=0.5, ge=0)
-    """Starts whose angles differ by less than this, and whose translations by less than `same_m`, are one, degrees."""
+    """Starts whose angles differ by less than this, and whose translations by less than `same_m`, count as one,
+    degrees."""
 
     same_m: float = pydantic.Field(default=0.005, ge=0)
     """The same for translations, metres."""
@@ -102,13 +102,13 @@ class TwistIcpEstimation:
         return q, found
 
     def _covariance(self, body: BodyModel, found: Equations) -> Array:
-        """(dof, dof) what equations and prior tell of a pose; its variance is that of the residuals."""
+        """(dof, dof) information of equations and prior on a pose; its variance is that of the residuals."""
         variance = found.squares / found.total if found.total > 0 else self.noise_px**2
         information = found.matrix / max(variance, 1e-6) + self._prior(body) / self.noise_px**2
         return np.asarray(np.linalg.inv(information), dtype=np.float64)
 
     def _prior(self, body: BodyModel) -> Array:
-        """(dof, dof) how firmly a pose is held near its start."""
+        """(dof, dof) strength of the prior near the start."""
         spread = self._steps(body, self.prior_deg, self.prior_m)
         return np.diag((self.noise_px / spread) ** 2)
 
@@ -119,7 +119,7 @@ class TwistIcpEstimation:
 
 
 def _limited_step(q: Array, matrix: Array, vector: Array, limits: Array) -> Array:
-    """Near the minimum of the quadratic model inside the limits: what hits one stays there, the rest is solved anew.
+    """Near the minimum of the quadratic model inside the limits: parameters at their limits stay, others are solved.
 
     Three times at most; a parameter that was fixed too early is free again in the next step.
     """

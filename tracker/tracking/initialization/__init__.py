@@ -20,43 +20,43 @@ from tracker.tracking.objective import Objective
 from tracker.tracking.start import Start
 
 Backdrops = Callable[[], tuple[Plate | None, ...]]
-"""Makes a plate for each view of what it shows most of the time; None where there is no telling."""
+"""Makes a plate for each view from its most frequent colours; None where it cannot."""
 
 
 def no_backdrops() -> tuple[Plate | None, ...]:
-    """For images that are no recording."""
+    """For images without a recording."""
     return ()
 
 
 @dataclass(frozen=True)
 class Stages:
-    """The stages a search for a start pose may use, and the clean plates."""
+    """The stages of a search for a start pose, and the clean plates."""
 
     synthesis: Synthesis
     evidence: Evidence
     estimation: Estimation
     plates: tuple[Plate | None, ...]
     backdrops: Backdrops = no_backdrops
-    """What each view shows most of the time, as plates of which much may be unknown; made when asked for."""
+    """Plates from the most frequent colours of each view, unknown in many places; made on demand."""
 
     progress: Progress = silent
-    """Told what the search is doing."""
+    """Gets the progress of the search."""
 
     tally: Tally = field(default_factory=lambda: Tally(silent, "pose"))
-    """Counts what the search is trying."""
+    """Counts the pieces of work of the search."""
 
     held: tuple[int, ...] = ()
-    """Persons who are not looked for: their poses in the scene hold."""
+    """Persons who are not sought: their poses in the scene hold."""
 
     seen_before: bool = False
-    """Whether the poses of the others are where they were seen last; else they do not matter."""
+    """Whether the poses of the others are their last known ones; otherwise they do not matter."""
 
     def counting(self, piece: str, total: int = 0) -> Stages:
-        """The same with a new tally of pieces of work, of which so many are known."""
+        """The same with a new count of pieces of work."""
         return replace(self, tally=Tally(self.progress, piece, total))
 
     def objective(self, frame: Frame, scene: Scene, person: int, expected: Contours | None = None) -> Objective:
-        """The objective of a person's pose in a frame, looked at everywhere or near expected contours."""
+        """The objective of a person's pose in a frame, observed everywhere or near expected contours."""
         observed = self.evidence.observe(Sight(frame, self.plates), expected, GUESSED)
         return Objective(Comparison(scene, person, self.synthesis, observed), self.evidence)
 
@@ -66,14 +66,14 @@ class Initialization(Protocol):
     """A component that finds start poses."""
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
-        """Refuses, before the first frame, what cannot work whatever the frames show.
+        """Refuses, before the first frame, what cannot work with any images.
 
         Args:
             scene: the persons' bodies and the rig.
             plates: a clean plate for each view that has one.
 
         Returns:
-            In one line what the start goes by.
+            One line about the choice of the start.
 
         Raises:
             ConfigError: something that it needs is missing, misnamed or impossible.
@@ -86,10 +86,10 @@ class Initialization(Protocol):
 
         Args:
             frame: the images to start in.
-            scene: the persons' bodies and the rig; which of the poses matter, the stages tell.
-            stages: what the search may use.
+            scene: the persons' bodies and the rig; the stages say which of the poses matter.
+            stages: tools of the search.
 
         Raises:
-            InitializationError: no pose could be found in this frame, with the reason; the next one may show more.
+            InitializationError: this frame shows no pose, with the reason; the next one may.
         """
         ...

@@ -28,10 +28,10 @@ _ROUNDED_DEG = 1e-6
 
 @dataclass(frozen=True)
 class CoarseSearch:
-    """Poses of one person that are worth a fine search."""
+    """Poses of one person for a fine search."""
 
     objective: Objective
-    """Of the person's pose in a frame."""
+    """Objective of the person's pose in a frame."""
 
     values: CoarseValues
     """Further parameters tried with every turn."""
@@ -40,10 +40,10 @@ class CoarseSearch:
     """Step of the turn over the full circle, degrees."""
 
     hypotheses: int
-    """Poses that are kept, at most."""
+    """Largest number of poses kept."""
 
     apart_deg: float
-    """Least difference of the turns of two that are kept, degrees."""
+    """Least difference between the turns of two kept poses, degrees."""
 
     def along(self, axes: list[TorsoAxis], points: Array) -> list[Array]:
         """The likeliest poses (dof,) of the body laid along any of some axes.
@@ -55,7 +55,7 @@ class CoarseSearch:
         return self._turned([q for axis in axes for q in placements(self.objective.body, axis, points)])
 
     def low(self, axes: list[TorsoAxis], points: Array) -> list[Array]:
-        """The likeliest poses (dof,) of somebody too low to stand: head down on the axes, or in one of the stances."""
+        """The likeliest poses (dof,) of a person too low to stand: head down on the axes, or in one of the stances."""
         body, n = self.objective.body, self.hypotheses
         down = [q for axis in axes if axis.leans for q in placements(body, axis.other_way(points), points)]
         headings = np.radians(self._turns_deg())
@@ -66,7 +66,7 @@ class CoarseSearch:
     def upper(self, poses: Array) -> list[Array]:
         """The likeliest poses (dof,) of an upper body among poses (N, dof), and those with the limbs as in the stances.
 
-        All of them are tried with the limbs as in the last stance, a quarter with those of the others.
+        All poses are tried with the limbs of the last stance, a quarter with those of the others.
         """
         body, stances = self.objective.body, self.objective.body.start.stances_deg
         order = np.argsort(self._distances(in_stances(body, poses, stances[-1:])), kind="stable")
@@ -88,14 +88,14 @@ class CoarseSearch:
 
 
 def check_values(given: CoarseValues | None, body: BodyModel) -> None:
-    """Refuses values of the coarse search that the body cannot take.
+    """Refuses impossible values of the coarse search.
 
     Args:
         given: parameter -> degrees, as `initialization.coarse_deg` gives them; None for those of the body's file.
-        body: whose parameters and limits count.
+        body: gives the parameters and limits.
 
     Raises:
-        ConfigError: a parameter is none of the body's, has no value, or one outside the limits.
+        ConfigError: a parameter is unknown, has no value, or one outside the limits.
     """
     where = "initialization.coarse_deg" if given is not None else f'start.coarse_deg of model "{body.name}"'
     for name, degrees in (body.start.coarse_deg if given is None else given).items():

@@ -1,4 +1,4 @@
-"""Starts half done: hypotheses of all persons, each refined as if alone, before the run's own estimation decides."""
+"""Incomplete starts: hypotheses of all persons, each refined as if alone, before the run's own estimation decides."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from tracker.tracking.initialization._persons import Found
 from tracker.tracking.initialization._visual_hull import STEP_M, shadow
 from tracker.tracking.start import AxisFit, Hypothesis, Start, sureness
 
-# What is farther than this from every voxel of a person does not belong to one; of a known person only the joints
-# are at hand, so that hands and feet must lie within it.
+# Pixels farther than this from every voxel of a person belong to none; of a known person only the joints are at hand,
+# so that hands and feet must lie within it.
 _AROUND_M = 0.15
 
 
 def cleared(frame: Frame, scene: Scene, stages: Stages, found: list[Found], known: Sequence[int]) -> Frame:
-    """The frame with the plates in place of all that is far from the persons found and the known ones.
+    """The frame with the plates in place of all pixels far from the persons found and the known ones.
 
-    Furniture that was moved, passers-by and persons yet to be found are gone, and who may be the person as well.
+    Moved furniture, passers-by and persons not yet found disappear, and so do other candidates for the person.
 
     Args:
         frame: the images.
@@ -65,26 +65,26 @@ class Draft:
     """The foreground of each person sought, in order."""
 
     evidence: tuple[tuple[AxisFit | None, ...], ...]
-    """For each person and view; empty for those who are not sought."""
+    """For each person and view; empty for persons who are not sought."""
 
     hypotheses: tuple[tuple[Hypothesis, ...], ...]
-    """For each person, the best first; empty for those who are not sought."""
+    """For each person, the best first; empty for persons who are not sought."""
 
     @property
     def sought(self) -> list[int]:
-        """Numbers of the persons who are looked for."""
+        """Numbers of the persons sought."""
         return [k for k, ranking in enumerate(self.hypotheses) if ranking]
 
     @property
     def n_hypotheses(self) -> int:
-        """Poses that are estimated when the draft is settled."""
+        """Number of poses estimated when the draft is settled."""
         n = sum(map(len, self.hypotheses))
         return n if len(self.sought) == 1 else 2 * n
 
     def settled(self, stages: Stages, n: int) -> Start:
-        """The best n hypotheses estimated and ranked again with everyone in the scene, who hide and are hidden."""
+        """The best n hypotheses estimated and ranked again with all persons in the scene, who hide one another."""
         scene, hypotheses = self.scene, list(self.hypotheses)
-        # Of several who were found each is known by now to the others.
+        # Each of several persons found is known to the others now.
         known = stages.held if len(self.found) == 1 else range(len(scene.persons))
         objective = stages.objective(cleared(self.frame, scene, stages, list(self.found), known), scene, 0)
         # The first of several persons is judged again when the others are where they belong.
@@ -105,14 +105,14 @@ class Draft:
 
 
 def likeliest_of(foregrounds: list[list[Draft]], n: int) -> list[list[Draft]]:
-    """Drafts of one person in several foregrounds with the best n of all hypotheses; those left with none are gone.
+    """Drafts of one person in several foregrounds with the best n of all hypotheses; those without any are removed.
 
-    One more stays where all of them face one way. Several persons, or several bodies that may be the person, stay as
-    they are.
+    One more stays if all of them face one way. Several persons, or several bodies that may be the person, stay as they
+    are.
 
     Args:
         foregrounds: for each foreground the ways to find the persons in it.
-        n: how many hypotheses stay.
+        n: number of hypotheses that stay.
     """
     if any(len(ways) > 1 or len(ways[0].sought) > 1 for ways in foregrounds):
         return foregrounds
@@ -128,6 +128,6 @@ def likeliest_of(foregrounds: list[list[Draft]], n: int) -> list[list[Draft]]:
 
 
 def _with_hypotheses(draft: Draft, k: int, ranking: tuple[Hypothesis, ...]) -> Draft:
-    """The draft with other hypotheses of person k, in the best of which they are."""
+    """The draft with other hypotheses of person k, and the best of them as poses."""
     every = tuple(ranking if other == k else own for other, own in enumerate(draft.hypotheses))
     return replace(draft, hypotheses=every, scene=draft.scene.with_pose(k, ranking[0].q))

@@ -1,4 +1,4 @@
-"""Start poses ranked by edges alone: how well contours lie on edges of their direction, and what they leave over."""
+"""Ranks start poses by edges alone: contours on edges of their direction, and left-over lengths."""
 
 from __future__ import annotations
 
@@ -22,37 +22,37 @@ from tracker.tracking.start import Hypothesis
 _BATCH = 256
 # Contours for thousands of poses: a third of the samples that estimates are made with.
 _ROUGH = CpuSynthesis(step_px=16.0, n_eta=6, n_omega=12)
-# What clutter offers it offers in one view; a person is in all of them.
+# Clutter offers edges in one view; a person does in all of them.
 _DISAGREEMENT = 0.5
 # Two views have to be left.
 _VIEWS = 3
 # Refined poses with so much less of the best one's score are not ranked.
 _BELIEVED = 0.7
-# What is left over counts edges near the pose that a refinement began with: only from the second time on it can be
-# compared. In a simulation of somebody face down, one refinement ranked the pose turned round first, two did not.
+# The left-over length counts edges near the pose that began a refinement: it is comparable only from the second time
+# on. In a simulation of somebody face down, one refinement ranked the pose turned round first, two did not.
 _TIMES = 2
 
 
 @dataclass(frozen=True)
 class Clues:
-    """What speaks for poses of a person whom no plate shows."""
+    """Clues for poses of a person whom no plate shows."""
 
     edges: DirectionImages
-    """Of all views."""
+    """Edges of all views."""
 
     moved: Moved = NOTHING
-    """What of the person has moved, where that is known."""
+    """Moved pixels of the person, if known."""
 
     partly: bool = False
     """Whether one of three views or more may show nothing of the person: then the others may have the score, less a
-    share for the view that is left out. Behind a board in one view a woman's true pose has 0.09 instead of 0.13."""
+    share for the missing view. Behind a board in one view a woman's true pose has 0.09 instead of 0.13."""
 
     def scores(self, scene: Scene, poses: Array) -> Array:
-        """(N,) how well contours of poses (N, dof) of a scene's last person lie on edges, chance being 0.
+        """(N,) score of contours of poses (N, dof) of a scene's last person on edges; 0 for chance.
 
-        What is out of sight counts as chance; what others of the scene hide, and their own contours, do not count.
-        Poses that cover a part only of what has moved have that part of the score: of a man who reaches forwards before
-        a wall the arms that edges alone put elsewhere, and the legs that they lay on tiles beside him.
+        Contours out of sight count as chance; contours that others of the scene hide, and the others' contours, do not
+        count. Poses that cover only a part of the moved pixels have that part of the score: of a man who reaches
+        forwards before a wall edges alone put the arms elsewhere, and the legs on tiles beside him.
         """
         k = len(scene.persons) - 1
         body, first = scene.persons[k].body, scene.first_part(k)
@@ -64,10 +64,10 @@ class Clues:
         return scores
 
     def costs(self, scene: Scene, hypotheses: Sequence[Hypothesis]) -> Array:
-        """(N,) what hypotheses leave over, times their distance, over their score.
+        """(N,) left-over length of hypotheses, times their distance, over their score.
 
-        Each alone ranks somebody turned round first in two of five starts, not in the same ones, and so does this.
-        Where they disagree the lead is small, and the frames after it decide.
+        Each alone ranks the person turned round first in two of five starts, not in the same ones, and so does this. If
+        they disagree the lead is small, and the next frames decide.
         """
         scores = self.scores(scene, np.array([one.q for one in hypotheses]))
         left = np.array([one.left_over * one.distance_px for one in hypotheses])
@@ -75,9 +75,9 @@ class Clues:
         return costs
 
     def ranked(self, scene: Scene, hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
-        """Those that all views speak for, the one of least cost first.
+        """Hypotheses that all views support, the one of least cost first.
 
-        What is left over counts what is in sight only: of a body half out of sight that may be next to nothing.
+        The left-over length counts only visible contour: for a body half out of sight that may be next to nothing.
         """
         scores = self.scores(scene, np.array([one.q for one in hypotheses]))
         kept = [hypotheses[int(n)] for n in np.flatnonzero(scores >= _BELIEVED * scores.max())]
@@ -85,13 +85,13 @@ class Clues:
 
 
 def _agreed(found: Array) -> Array:
-    """(N,) what all views say of poses, by what each of them says (N, V)."""
+    """(N,) common score of all views, from those of each view (N, V)."""
     agreed: Array = found.mean(axis=1) - _DISAGREEMENT * found.std(axis=1)
     return agreed
 
 
 def _but_one(found: Array) -> Array:
-    """(N,) what all views but the worst say of poses, by what each of them says (N, V)."""
+    """(N,) common score of all views except the worst, from those of each view (N, V)."""
     n_views = found.shape[1]
     if n_views < _VIEWS:
         return _agreed(found)
@@ -100,7 +100,7 @@ def _but_one(found: Array) -> Array:
 
 
 def refined_on_edges(frame: Frame, scene: Scene, stages: Stages, q: Array) -> Hypothesis:
-    """What the run's estimation makes of a pose (dof,) of the scene's last person, from the edges near it."""
+    """The estimate of a pose (dof,) of the scene's last person, from the edges near it."""
     k = len(scene.persons) - 1
     stages.tally.begin()
     for _ in range(_TIMES):
@@ -111,5 +111,5 @@ def refined_on_edges(frame: Frame, scene: Scene, stages: Stages, q: Array) -> Hy
 
 
 def all_refined_on_edges(frame: Frame, scene: Scene, stages: Stages, poses: Sequence[Array]) -> list[Hypothesis]:
-    """The same of several poses (dof,), side by side."""
+    """The same for several poses (dof,), side by side."""
     return side_by_side(stages.synthesis, lambda q: refined_on_edges(frame, scene, stages, q), poses)

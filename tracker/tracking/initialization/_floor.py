@@ -1,4 +1,4 @@
-"""The floor that the views show: where somebody can be looked for."""
+"""The visible floor: places where a person may be."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def floor_places(rig: Rig, floor_m: float, step_m: float, most_m: float) -> Arra
         rig: the cameras.
         floor_m: height of the floor, metres.
         step_m: distance of neighbouring places, metres.
-        most_m: farthest from a camera that it counts as seen, metres.
+        most_m: largest distance from a camera, metres.
     """
     corners = np.concatenate([_footprint(camera, floor_m, most_m) for camera in rig.cameras])
     if not len(corners):
@@ -46,7 +46,7 @@ def shown_share(body: BodyModel, poses: Array, rig: Rig) -> Array:
 
 
 def _footprint(camera: Camera, floor_m: float, most_m: float) -> Array:
-    """Where rays through a grid of pixels (N, 2) meet the floor, or leave its neighbourhood, metres."""
+    """Points where rays through a grid of pixels (N, 2) meet the floor, or leave its neighbourhood, metres."""
     columns, rows = (np.linspace(0, size - 1, 24) for size in camera.size)
     pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
     rays, height = camera.rays(pixels), camera.centre[2] - floor_m

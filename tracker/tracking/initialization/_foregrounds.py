@@ -1,4 +1,4 @@
-"""What stands out in a frame: before plates, some of which do not know everywhere what is background."""
+"""The foreground in a frame, before plates of which some are unknown in places."""
 
 from __future__ import annotations
 
@@ -17,38 +17,38 @@ from tracker.images.plate import Plate, departing
 _SIGMAS = 4.0
 # Level sets are drawn in a picture so much smaller; a pixel of 720 is 7 mm at 3 m.
 _SMALLER = 2
-# Background whose colours count is this near to what may be a person, px of the small picture: half a person's width.
+# Background colours count up to this distance from a possible person, px of the small picture: half a person's width.
 _NEAR_PX = 15
-# Odds of what is known, as much as a colour can say at most, and weight of the contour's length; with 3 for the latter
-# the overlap with the true foreground is the same to 0.01 on 13 frames of seven recordings.
+# Odds of known pixels, the most that a colour can have, and weight of the contour's length; with 3 for the latter the
+# overlap with the true foreground is the same to 0.01 on 13 frames of seven recordings.
 _KNOWN_ODDS, _LENGTH = 4.0, 1.0
 # Gaps of this share of the image's longer side are closed.
 _GAP = 0.006
 
 
 def foregrounds(frame: Frame, plates: tuple[Plate | None, ...]) -> tuple[Mask | None, ...]:
-    """What has changed (H, W) in each view, and all that is not known; None without a plate, or if everything differs.
+    """Changed pixels (H, W) in each view, and all unknown ones; None without a plate, or if everything differs.
 
-    Shadows are included: what looks like one may be skin, and in space a shadow is no thicker than the floor.
+    Shadows are included: skin may look like one, and in space a shadow is no thicker than the floor.
     """
     return _found(frame, plates, _or_unknown)
 
 
 def segmented(frame: Frame, plates: tuple[Plate | None, ...]) -> tuple[Mask | None, ...]:
-    """What has changed (H, W) in each view, and of what is not known that which looks like it.
+    """Changed pixels (H, W) in each view, and the unknown ones that look like them.
 
-    The region is that of least energy by level sets (Rosenhahn et al. 2006, section 2.1): colours of what has changed
-    against those of the background beside it. Its overlap with what stands out before true plates is 0.6 to 0.9 on
-    five recordings (intersection over union; 13 frames), that of all that is not known 0.6 to 0.8.
+    The region is that of least energy by level sets (Rosenhahn et al. 2006, section 2.1): colours of changed pixels
+    against those of the background beside them. Its overlap with the foreground of true plates is 0.6 to 0.9 on five
+    recordings (intersection over union; 13 frames), that of all unknown pixels 0.6 to 0.8.
     """
     return _found(frame, plates, _drawn)
 
 
 def outlined(frame: Frame, plates: tuple[Plate | None, ...], drawn: tuple[Mask | None, ...]) -> Frame:
-    """The frame with foregrounds that were drawn as its masks, where it has none and a plate does not know everywhere.
+    """The frame with drawn foregrounds as its masks, if it has none and a plate is unknown in places.
 
-    What is not known counts for nothing, and every edge there as the person's: on a carpet the right pose left over
-    0.78 of its contour, wrong ones 0.70 to 0.77. With masks it leaves 0.38, wrong ones 0.41 and more.
+    Otherwise unknown pixels count for nothing, and every edge there as the person's: on a carpet the right pose left
+    over 0.78 of its contour, wrong ones 0.70 to 0.77. With masks it leaves 0.38, wrong ones 0.41 and more.
 
     Args:
         frame: the images.
@@ -92,7 +92,7 @@ def _or_unknown(image: Image, sure: Mask, unknown: Mask) -> Mask:
 
 
 def _drawn(image: Image, sure: Mask, unknown: Mask) -> Mask:
-    """What of the unknown (H, W) belongs to what has changed for sure, with that."""
+    """The unknown pixels (H, W) that belong to surely changed ones, together with these."""
     inside, open_to_doubt = _small(sure), _small(unknown)
     size = np.ones((2 * _NEAR_PX + 1, 2 * _NEAR_PX + 1), np.uint8)
     near = cv2.dilate((inside | open_to_doubt).astype(np.uint8), size) > 0

@@ -1,4 +1,4 @@
-"""Starts of bodies that stay in their place, an arm of a robot or a pendulum: only how they are bent is looked for."""
+"""Starts of bodies that stay in place, an arm of a robot or a pendulum: only their joints are searched."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _FINALISTS = 3
 
 
 class InPlace:
-    """Looks for bodies that stay in their place; see `KinematicTree.stays`."""
+    """Searches for bodies that stay in place; see `KinematicTree.stays`."""
 
     fine = BestFirstEstimation(range_deg=60.0, step_deg=20.0, range_m=0.1, step_m=0.05, halvings=2, patience=3)
     refinement = TwistIcpEstimation()
@@ -61,12 +61,12 @@ class InPlace:
 
 
 def staying(scene: Scene) -> list[int]:
-    """Numbers of the persons that stay in their place."""
+    """Numbers of the persons that stay in place."""
     return [k for k, person in enumerate(scene.persons) if person.body.stays]
 
 
 def beside(start: Start, fixed: Start) -> Start:
-    """A start in which some persons were held, and another one that found them."""
+    """A start in which some persons were held, combined with the one that found them."""
     n = len(start.poses)
     return replace(
         start,
@@ -76,7 +76,7 @@ def beside(start: Start, fixed: Start) -> Start:
 
 
 def _everywhere(body: BodyModel) -> Array:
-    """(N, dof) the reference pose, and others all over the limits: half a turn, or the body's extent, where free."""
+    """(N, dof) the reference pose, and others all over the limits: half a turn, or the body's extent, if unlimited."""
     rest, extent = body.rest(), float(np.ptp(body.model_from_parts[:, :3, 3], axis=0).max())
     reach = np.where(body.rotates, np.pi, extent)
     free = np.ptp(body.limits, axis=1) > 2 * reach

@@ -16,19 +16,19 @@ _ANGLE_RAD = 1.5
 """Standard deviation of a joint angle from the reference pose, rad: holds twists that points do not show."""
 
 _TRIED = 3
-"""Starts from which the pose is sought, the best of a grid: neighbouring turns lead to the same one."""
+"""Number of starts of the solver, the best of a grid: neighbouring turns lead to the same pose."""
 
 _FREE = 1e3
-"""What counts as no limit in m and rad: the solver wants numbers."""
+"""Value in m and rad of an absent limit: the solver needs numbers."""
 
 
 def fitted_pose(body: BodyModel, marks: Meant, points: Array, weights: Array) -> tuple[Array, Array]:
     """The pose that brings points of a body to given ones, inside the joint limits; robust against single wrong points.
 
     Args:
-        body: whose pose.
+        body: owner of the pose.
         marks: N points of the body.
-        points: (N, 3) where they should be, metres.
+        points: (N, 3) their target positions, metres.
         weights: (N,) confidence in each point, 1 as usual.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Start poses that fit a table of joint centres: of a marker system, another program, or an earlier result."""
+"""Start poses from a table of joint centres: of a marker system, another program, or an earlier result."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from tracker.tracking.initialization._inverse_kinematics import fitted_pose
 Row = dict[str, str]
 
 _LEAST_MARKS = 6
-"""Joints that fix a pose well enough to start from: hips and shoulders, and two more."""
+"""Number of joints that fix a pose for a start: hips and shoulders, and two more."""
 
 _FAR_M = 0.15
-"""A body this far from the joints on average is not theirs, metres."""
+"""Mean distance from which on the joints are not the body's, metres."""
 
 
 def is_joint_table(rows: list[Row]) -> bool:
@@ -30,16 +30,16 @@ def is_joint_table(rows: list[Row]) -> bool:
 def pose_from_joints(rows: list[Row], body: BodyModel, index: int, path: Path) -> Array:
     """The pose (dof,) that fits the joints of a frame, or of the nearest earlier one, or the first.
 
-    All places are read, so that a wrong one is found before the frame that it belongs to.
+    All rows are read, so that a wrong one is found before its frame.
 
     Args:
         rows: with the columns `frame`, `joint`, `x`, `y`, `z` (or `x_m`, ...), of one person, metres.
-        body: whose pose.
+        body: owner of the pose.
         index: number of the frame.
         path: for messages.
 
     Raises:
-        ConfigError: a column or joints are missing, or the body is not theirs.
+        ConfigError: a column or joints are missing, or the body does not fit them.
     """
     axes = ("x_m", "y_m", "z_m") if "x_m" in rows[0] else ("x", "y", "z")
     for column in ("frame", *axes):
@@ -51,7 +51,7 @@ def pose_from_joints(rows: list[Row], body: BodyModel, index: int, path: Path) -
             of_frame = places.setdefault(frame_in(row, path, ConfigError), {})
             of_frame[row["joint"]] = np.array([number_in(row, axis, path, ConfigError) for axis in axes])
     if not places:
-        raise ConfigError(f"{path}: no joint in it has a place")
+        raise ConfigError(f"{path}: no joint in it has a position")
     frame = max((number for number in places if number <= index), default=min(places))
     return _fitted(places[frame], body, frame, path)
 
@@ -76,7 +76,7 @@ def _fitted(places: dict[str, Array], body: BodyModel, frame: int, path: Path) -
 
 
 def _landmark(name: str, body: BodyModel) -> str | None:
-    """The landmark that a joint of another program means; a head may be its middle or its top and means none."""
+    """The landmark of a joint of another program; a head may be its middle or its top and has none."""
     for own, others in body.joints.aliases.items():
         if name in others and own in body.landmark_names:
             return own

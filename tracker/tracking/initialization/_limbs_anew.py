@@ -1,4 +1,4 @@
-"""Limbs of a start pose that the images don't show where they are: looked for wherever their joints allow."""
+"""Searches for limbs of a start pose that the images do not confirm, wherever their joints allow."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ _TRIED, _REFINED, _APART_M = 1000, 3, 0.03
 
 
 def limbs_anew(frame: Frame, scene: Scene, stages: Stages, clues: Clues, best: Hypothesis) -> list[Hypothesis]:
-    """What becomes of a pose of the scene's last person whose limbs are looked for, the worst one first.
+    """Estimates of a pose of the scene's last person after a search for its limbs, the worst one first.
 
-    The search of whole poses finds the trunk; an arm that trunk and furniture hide in half of the views it leaves where
-    some edges are: that of a woman with her arms hanging 0.56 m off, behind her over a table.
+    The search of whole poses finds the trunk; an arm that trunk and furniture hide in half of the views it leaves at
+    any edges: that of a woman with her arms hanging was 0.56 m off, behind her over a table.
 
     Args:
         frame: the images.
-        scene: the persons, the one looked for last.
-        stages: what refines.
-        clues: what speaks for poses.
-        best: the hypothesis to begin with.
+        scene: the persons, the sought one last.
+        stages: do the refinement.
+        clues: rank the poses.
+        best: the first hypothesis.
 
     Returns:
-        All that was refined; nothing where no limb is left over.
+        All refined estimates; empty if no limb is left over.
     """
     body, found = scene.persons[-1].body, []
-    # A head that is left over tells of who is turned round: looked for as well, it made up for a man 320 mm off, who
-    # left less over then than he does who faces the right way with an arm in the wrong place.
+    # A left-over head shows that a person is turned round: a search for it compensated for a man 320 mm off, who then
+    # left over less than when he faced the right way with an arm in the wrong place.
     limbs = {group: share for group, share in best.limbs_left_over.items() if group in body.limbs}
     left = sorted((group for group, share in limbs.items() if share >= _LEFT_OVER), key=lambda group: -limbs[group])
     for n, group in enumerate(left, start=1):
@@ -53,7 +53,7 @@ def limbs_anew(frame: Frame, scene: Scene, stages: Stages, clues: Clues, best: H
 
 
 def _elsewhere(body: BodyModel, group: str, q: Array) -> Array:
-    """(N, dof) a pose (dof,) with a limb where the other one is mirrored, and anywhere within its limits."""
+    """(N, dof) a pose (dof,) with a limb mirrored from the other one, and anywhere within its limits."""
     columns = body.group(group)
     low, high = _finite_limits(body, columns, q)
     poses = np.tile(q, (_TRIED, 1))
@@ -64,7 +64,7 @@ def _elsewhere(body: BodyModel, group: str, q: Array) -> Array:
 
 
 def _finite_limits(body: BodyModel, columns: Integers, q: Array) -> tuple[Array, Array]:
-    """Lowest and highest values (n,) of parameters: their limits, about a pose (dof,) where there are none."""
+    """Lowest and highest values (n,) of parameters: their limits, or a range around a pose (dof,) without any."""
     low, high = body.limits[columns].T
     reach = np.where(body.rotates[columns], _ROUND_RAD, _REACH_M)
     return np.where(np.isinf(low), q[columns] - reach, low), np.where(np.isinf(high), q[columns] + reach, high)

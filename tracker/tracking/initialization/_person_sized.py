@@ -1,4 +1,4 @@
-"""Starts of bodies much smaller or larger than persons, looked for in a world in which they are as large as one."""
+"""Starts of bodies much smaller or larger than persons, in a world scaled to a person's size."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from tracker.tracking.initialization import Stages
 from tracker.tracking.initialization._persons import size_of
 from tracker.tracking.start import Start
 
-# Voxels, bins and margins of a start are those of a person: a toddler and a horse are still found with them, of a hand
-# or a bird the voxels leave too little, a lorry is larger than the space that is searched. Metres, and cubic metres.
+# Voxels, bins and margins of a start are for persons: a toddler and a horse are still found with them, a hand or a bird
+# has too few voxels, and a lorry is larger than the searched space. Metres, and cubic metres.
 _MOST_M, _PERSON_M, _LEAST_M3 = 3.5, 1.8, 0.008
-# Tracked from given poses dogs of 0.096, 0.058 and 0.043 m were 0.2 % of their size off; one of 0.029 m was doubtful in
-# all frames, one of 0.01 m lost: steps of the estimation are in metres.
+# Tracked from given poses, dogs of 0.096, 0.058 and 0.043 m were 0.2 % of their size off; one of 0.029 m was doubtful
+# in all frames, one of 0.01 m lost: steps of the estimation are in metres.
 _SMALLEST_M = 0.04
 
 
 @runtime_checkable
 class _Placed(Protocol):
-    """A component that has places of the world among its settings."""
+    """A component with places of the world among its settings."""
 
     def in_world(self, factor: float) -> Any:
         """The component for a world enlarged by a factor."""
@@ -44,7 +44,7 @@ _Begin = Callable[[_Way, Frame, Scene, Stages], Start]
 
 
 def person_sized(begin: _Begin[_Way]) -> _Begin[_Way]:
-    """A `start` of a component that is given scenes of a person's size only, and whose poses are brought back."""
+    """A `start` of a component that only gets scenes of a person's size, and whose poses are scaled back."""
 
     @functools.wraps(begin)
     def start(self: _Way, frame: Frame, scene: Scene, stages: Stages) -> Start:
@@ -59,7 +59,7 @@ def person_sized(begin: _Begin[_Way]) -> _Begin[_Way]:
 
 
 def enlargement(scene: Scene) -> float:
-    """By what the world is enlarged; 1 where the largest body is about as large as a person."""
+    """Factor that enlarges the world; 1 if the largest body is about as large as a person."""
     sizes = [size_of(person) for person in scene.persons]
     length_m, volume_m3 = max(size.length_m for size in sizes), max(size.volume_m3 for size in sizes)
     alike = length_m <= 0 or (SMALL_M <= length_m <= _MOST_M and volume_m3 >= _LEAST_M3)
@@ -67,10 +67,10 @@ def enlargement(scene: Scene) -> float:
 
 
 def check_size(scene: Scene) -> None:
-    """Refuses bodies that are too small to be tracked in metres.
+    """Refuses bodies that are too small for tracking in metres.
 
     Raises:
-        ModelError: says how large the body is, and what to do.
+        ModelError: the size of the body, and what to do.
     """
     for person in scene.persons:
         length_m = size_of(person).length_m
@@ -82,7 +82,7 @@ def check_size(scene: Scene) -> None:
 
 
 def enlarged(scene: Scene, factor: float) -> Scene:
-    """The scene with every length multiplied by a factor: its pictures are the same, but for skins, which stay away."""
+    """The scene with every length multiplied by a factor: its pictures stay the same, without the skins."""
     persons = tuple(
         replace(
             person,

@@ -1,4 +1,4 @@
-"""K persons in the foreground of several views: who is where, and which pixels are whose (paper, section 4.1)."""
+"""K persons in the foreground of several views: assigns persons and pixels (paper, section 4.1)."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ from tracker.tracking.initialization._visual_hull import (
 
 # A person standing or crouching, against legs alone, chairs and shadows on the floor.
 _LEAST_HEIGHT, _MOST_HEIGHT, _LEAST_VOLUME_M3, _VOLUME_M3 = 0.5, 1.6, 0.012, 0.08
-# Who lies is as long as stands on hands and knees, at least, and at most a person with the arms beyond the head; as
-# thick as a chest, for a shadow on the floor is as long; and has a body's volume, holes in the masks granted.
+# A lying person is at least as long as one on hands and knees, and at most as one with the arms beyond the head; as
+# thick as a chest, because a shadow on the floor is as long; and has a body's volume, except for holes in the masks.
 _LEAST_LENGTH, _MOST_LENGTH, _LEAST_THICKNESS, _LEAST_BODY = 0.55, 1.4, 0.11, 0.6
 # Heights of a standing person, arms hanging or raised, in statures.
 _STANDING = 0.9, 1.3
-# Least height of a body that the file tells no stature of, in its extents: a bird with its wings spread is flat in its
-# reference pose, and in no other one.
+# Least height of a body without a stature in its file, in its extents: a bird with its wings spread is flat only in its
+# reference pose.
 _FLAT = 0.3
 
 
 class Size(NamedTuple):
-    """How large a body is."""
+    """Size of a body."""
 
     stature_m: float
-    """Height in the reference pose, metres; of a flat body that tells no stature more."""
+    """Height in the reference pose, metres; larger for a flat body without a stature."""
 
     length_m: float
-    """Its largest extent there: an animal is longer than high, metres."""
+    """Its largest extent there, metres: an animal is longer than high."""
 
     volume_m3: float
     """Cubic metres."""
@@ -65,12 +65,12 @@ def smallest(sizes: list[Size]) -> Size:
 
 
 def tall(points: Array, stature_m: float) -> bool:
-    """Whether voxels (N, 3) are as high as somebody who stands or crouches, metres."""
+    """Whether voxels (N, 3) are as high as a person who stands or crouches, metres."""
     return _LEAST_HEIGHT * stature_m < float(np.ptp(points[:, 2])) + STEP_M < _MOST_HEIGHT * stature_m
 
 
 def standing(points: Array, stature_m: float) -> bool:
-    """Whether voxels (N, 3) are as high as somebody who stands, metres."""
+    """Whether voxels (N, 3) are as high as a standing person, metres."""
     return _height(points) > _STANDING[0] * stature_m
 
 
@@ -85,11 +85,11 @@ def like_a_person(piece: Hull, size: Size) -> bool:
 
 
 def misfit(pieces: list[Hull], statures: list[float]) -> float:
-    """How unlike persons of so many statures the pieces are.
+    """Difference of the pieces from persons of these statures.
 
-    The share of the stature by which they are too low, or too high even for raised arms, of those that lie too short or
-    too long; how far their axes lean; the share of the views that do not look at them, or see nothing there; less for a
-    body's volume.
+    The terms: share of the stature by which they are too low, or too high even for raised arms; for lying ones too
+    short or too long; tilt of their axes; share of the views that see nothing there, or do not look; less for a body's
+    volume.
     """
     ordered = sorted(pieces, key=lambda piece: _height(piece.points), reverse=True)
     total = 0.0
@@ -119,24 +119,24 @@ def _extent(along: Array) -> float:
 
 
 MARGIN_M = 0.03
-"""Around the voxels of a piece, where its pixels are looked for, metres."""
+"""Margin around the voxels of a piece for its pixels, metres."""
 
 MOST_ALIKE = 3
-"""Pieces that may be one and the same person, at most."""
+"""Largest number of pieces that may be one person."""
 
-# Where only two views look, the hull also has ghosts, whose foreground is that of others but for 3 to 10 %.
+# If only two views look, the hull also has ghosts, whose foreground belongs to others except for 3 to 10 %.
 _OWN = 0.25
 # Around the bones of known persons, metres, and how many points of each bone stand for it.
 _HELD_M, _ALONG = 0.2, 12
 # How far a body reaches from a vertical line through it, in statures, and voxels too few for it or its middle.
 _REACH, _FEW = 0.6, 50
-# Of a body that lies in its reference pose, in lengths from its middle to its farthest landmark.
+# Extent of a body that lies in its reference pose, in lengths from its middle to its farthest landmark.
 _LYING_REACH = 1.2
 # Share of the likeliest piece's volume from which on another one may be the person as well.
 _ALIKE = 0.5
-# Height, in statures, of those who are told apart where they are one piece, how wide they are both ways at most,
-# and how far apart their middles are: the legs and the trunk of one person are lower, what lies around him, shadows and
-# ghosts, is a shell 1 to 1.6 statures wide, what stands to the left and right in his hull is nearer.
+# Limits for separating persons in one piece: height in statures, width both ways, and distance of their middles. The
+# legs and the trunk of one person are lower; shadows and ghosts around him are a shell 1 to 1.6 statures wide; pieces
+# to the left and right in his hull are nearer.
 _UPRIGHT, _WIDE, _BESIDE_M = 0.75, 0.8, 0.4
 
 
@@ -149,14 +149,14 @@ def person_pieces(hull: Hull, erosions: int, sizes: list[Size], reach_m: float) 
             if _hollow(piece):
                 continue
             if not tall(piece.points, min(statures)):
-                piece = whole  # what lies has no upright axis, and a length that counts
+                piece = whole  # a lying body has no upright axis, and its length counts
             if like_a_person(piece, smallest(sizes)):
                 pieces.append(piece)
     return sorted(pieces, key=lambda piece: misfit([piece], [float(np.mean(statures))]))
 
 
 def _hollow(piece: Hull) -> bool:
-    """Whether nothing is in the middle, as in what is left of a hull around a known person."""
+    """Whether the middle is empty, as in the rest of a hull around a known person."""
     if not len(piece.points):
         return True
     lateral = np.linalg.norm(piece.points[:, :2] - np.median(piece.points[:, :2], axis=0), axis=1)
@@ -164,20 +164,20 @@ def _hollow(piece: Hull) -> bool:
 
 
 def _within_reach(piece: Hull, reach_m: float) -> Hull:
-    """Without what is farther from the upright axis than a hand can be."""
+    """Without voxels farther from the upright axis than a hand can be."""
     lateral = piece.points[:, :2] - np.median(piece.points[:, :2], axis=0)
     return piece.part(np.linalg.norm(lateral, axis=1) < reach_m)
 
 
 def reach(person: Person) -> float:
-    """How far from a vertical line through its middle a body can be: hands of a person, head and tail of an animal."""
+    """Reach of a body from a vertical line through its middle: hands of a person, head and tail of an animal."""
     marks = person.body.landmarks_in_world(person.body.rest())[:, :2]
     length = float(np.linalg.norm(marks - np.median(marks, axis=0), axis=1).max(initial=0.0))
     return max(_REACH * size_of(person).stature_m, _LYING_REACH * length)
 
 
 def taken(held: tuple[Person, ...], rig: Rig) -> tuple[Mask, ...]:
-    """The pixels (H, W) of each view around the bones of persons whose poses are known."""
+    """The pixels (H, W) of each view around the bones of persons with known poses."""
     bones = [np.zeros((0, 3))]
     for person in held:
         marks = person.body.landmarks_in_world(person.q)
@@ -190,9 +190,10 @@ def taken(held: tuple[Person, ...], rig: Rig) -> tuple[Mask, ...]:
 
 
 def showing(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig, theirs: tuple[Mask, ...]) -> list[Hull]:
-    """The pieces of whose foreground a fair share is not that of those before them, nor around others (H, W).
+    """The pieces with a fair share of foreground of their own, neither of pieces before them nor around others (H, W).
 
-    Of a woman who had left the room, hands and shadow of the man who danced there were searched in every third frame.
+    Without this rule, hands and shadow of a dancing man were searched in every third frame for a woman who had left the
+    room.
     """
     views = [(v, mask) for v, mask in enumerate(masks) if mask is not None]
     unexplained = {v: mask & ~theirs[v] for v, mask in views}
@@ -219,13 +220,13 @@ def covered(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig) -> flo
 
 
 def alike(pieces: list[Hull]) -> list[Hull]:
-    """Those of pieces that may be the person as well as the first one, some at most."""
+    """Pieces that may be the person as well as the first one, up to a limit."""
     least = _ALIKE * max((len(piece.points) for piece in pieces[:MOST_ALIKE]), default=0)
     return [piece for piece in pieces[:MOST_ALIKE] if len(piece.points) >= least]
 
 
 def where_told(pieces: list[Hull], persons: tuple[Person, ...]) -> list[Hull]:
-    """The pieces, those nearest to where persons are told to be first, in the persons' order."""
+    """The pieces, those nearest to the persons' given places first, in the persons' order."""
     left, first = list(pieces), []
     for person in persons:
         if person.at is not None and left:
@@ -241,7 +242,7 @@ def place(points: Array) -> Array:
 
 
 def standing_apart(pieces: list[Hull], stature_m: float) -> list[Hull]:
-    """Those of pieces that are as high and wide as persons who stand, and apart from those before."""
+    """Pieces as high and wide as standing persons, and apart from those before."""
     kept: list[Hull] = []
     for piece in pieces:
         gaps = [np.linalg.norm(place(piece.points) - place(other.points)) for other in kept]
@@ -266,7 +267,7 @@ class Found:
     """(N, 3) voxels that the person can fill, metres."""
 
     regions: tuple[Mask | None, ...]
-    """(H, W) its pixels in each view; None without a foreground, and where it overlaps with another person."""
+    """(H, W) its pixels in each view; None without a foreground, and if it overlaps with another person."""
 
     others: Array = field(default_factory=lambda: np.zeros((0, 3)))
     """(M, 3) voxels of others who may be the person as well, metres."""
@@ -284,17 +285,17 @@ def ways_to_find(
 ) -> Iterator[list[Found]]:
     """The regions of K persons that do not overlap in space; in an image they may.
 
-    What is foreground in a single view, such as a moved chair, is foreground nowhere in space. A hole in one mask is
-    forgiven where no other way shows all persons. Where one person is sought and more are there, each may be that one.
+    Foreground in a single view, such as a moved chair, is foreground nowhere in space. A hole in one mask is tolerated
+    if nothing else shows all persons. If one person is sought and more are there, each may be that one.
 
     Args:
         masks: (H, W) foreground of each view, None where there is none.
         rig: the cameras.
         persons: the K persons sought; their poses do not matter.
-        held: persons whose poses are known: their places are taken.
+        held: persons with known poses: their places are taken.
 
     Yields:
-        K persons, the largest first; of one person each that may be it, the likeliest first.
+        K persons, the largest first; for one person each candidate, the likeliest first.
 
     Raises:
         InitializationError: fewer than K.
@@ -344,7 +345,7 @@ def ways_to_find(
 
 
 def _each(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig) -> list[list[Found]]:
-    """Each of some pieces as the person, who is not the others."""
+    """Each of some pieces as the person, without the others."""
     found = []
     for n, piece in enumerate(pieces):
         others = np.concatenate([np.zeros((0, 3)), *(other.points for k, other in enumerate(pieces) if k != n)])
@@ -372,7 +373,7 @@ def _with_regions(pieces: list[Hull], masks: tuple[Mask | None, ...], rig: Rig) 
 
 
 def in_order(found: list[Found], persons: tuple[Person, ...], rig: Rig, seen_before: bool) -> list[Found]:
-    """Which of the found is which person: by where it is told to be, who is taller, where a lost one was seen last."""
+    """Assigns the pieces to persons: by a given place, by stature, by the last place of a lost one."""
     heads = np.array([_head_top(other, rig) for other in found])
     statures = np.array([size_of(person).stature_m for person in persons])
     costs = np.abs((heads - heads.mean())[None] - (statures - statures.mean())[:, None])

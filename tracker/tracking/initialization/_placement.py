@@ -1,4 +1,4 @@
-"""The body laid along the axis that the foreground shows (paper, section 4.1)."""
+"""The body laid along the axis of the foreground (paper, section 4.1)."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from tracker.tracking.initialization._persons import Found, find_persons, in_ord
 from tracker.tracking.initialization._stance_search import NOTHING, Moved, Stance, moved, on_floor, posed, turned
 from tracker.tracking.initialization._visual_hull import STEP_M, TorsoAxis, shadow
 
-# Bodies whose axis is nearer to the vertical stand upright; those of animals lie.
+# Bodies with an axis nearer to the vertical stand upright; those of animals lie.
 _UPRIGHT = np.cos(np.radians(45.0))
-# What is lower than this share of a lying axis' height above the floor is legs, and shadows.
+# Voxels below this share of a lying axis' height above the floor are legs, and shadows.
 _LEGS = 0.5
 _FLOOR_PERCENT = 0.5
 _MARGIN_M = 0.03
@@ -34,7 +34,7 @@ _SHADOW_M = 0.08
 
 
 def has_axis(body: BodyModel) -> bool:
-    """Whether a body says which of its landmarks lie on its long axis, and can be placed and turned."""
+    """Whether a body has landmarks on its long axis, and can be placed and turned."""
     return bool(body.start.head and body.start.base and body.start.turn and len(body.root.columns))
 
 
@@ -42,7 +42,7 @@ def axis_marks(body: BodyModel) -> Integers:
     """(2,) numbers of the landmarks at the head's end and the other end of the body's axis.
 
     Raises:
-        ModelError: the model file does not say, and its landmarks do not tell; or its root cannot be placed.
+        ModelError: the model file does not name them, and its landmarks do not show them; or its root cannot be placed.
     """
     names = (body.start.head, body.start.base)
     if not has_axis(body):
@@ -61,7 +61,7 @@ def stands_upright(body: BodyModel) -> bool:
 
 
 def without_legs(found: Found, body: BodyModel, rig: Rig) -> Found:
-    """What of a body shows its axis: all of one that stands upright, of an animal what its legs carry.
+    """Voxels that show a body's axis: all of an upright one, the part above the legs of an animal.
 
     Seen from around at 45 degrees to its trunk the visual hull of an animal is as broad as it is long, and the shadows
     of its legs cover more of the images than the legs.
@@ -91,13 +91,13 @@ def _lowest(body: BodyModel, q: Array) -> float:
 
 
 def placements(body: BodyModel, axis: TorsoAxis, points: Array) -> list[Array]:
-    """Rest poses (dof,) with the body on an axis; the turn about the vertical is as good as unknown.
+    """Rest poses (dof,) with the body on an axis; the turn about the vertical is almost unknown.
 
     Args:
         body: the body.
-        axis: from the foreground. It says where the head of a body is that stands upright in its model file; of an
-            animal both ways are possible.
-        points: (N, 3) voxels of the body without its legs, metres: their middle is where a lying one is.
+        axis: from the foreground. It shows the head of a body that stands upright in its model file; for an animal both
+            ways are possible. points: (N, 3) voxels of the body without its legs, metres: their middle is the place of
+            a lying body.
     """
     if stands_upright(body):
         return [_upright(body, axis)]
@@ -139,7 +139,7 @@ def _upright(body: BodyModel, axis: TorsoAxis) -> Array:
 
 
 def _lying(body: BodyModel, direction: Array, middle: Array) -> Array:
-    """The axis in a direction, the middle of what the legs carry in a place, left and right equally high."""
+    """The axis in a direction, the middle of the carried part in a place, left and right equally high."""
     marks, columns = axis_marks(body), body.root.columns
     turn, rest = body.index(body.start.turn), body.rest()
     high = body.world_from_part(rest)[:, 2, 3] > _lowest(body, rest) + _LEGS * _axis_height(body)
@@ -171,7 +171,7 @@ def _with(q: Array, columns: Integers, values: Array) -> Array:
 
 # The middle of a piece is up to 0.15 m from that of the person, who reaches as far as a stride.
 _AROUND_M = 0.8
-# Who was lost is not far from where it was seen last: two running strides.
+# A lost person is not far from the last known place: two running strides.
 _NEAR_M = 2.0
 
 
@@ -185,37 +185,37 @@ class Whereabouts(NamedTuple):
     """Metres."""
 
     moved: Moved = NOTHING
-    """What of the person has moved, where that is known."""
+    """Moved pixels of the person, if known."""
 
     partly: bool = False
-    """Whether images may cut the person off, and one view show nothing of it."""
+    """Whether images may cut the person off, and one view may show nothing of it."""
 
     def hold(self, places: Array) -> Array:
-        """Those of places (N, 2) on the floor inside."""
+        """Places (N, 2) on the floor inside."""
         inside: Array = places[np.linalg.norm(places - self.middle, axis=1) < self.radius_m]
         return inside
 
 
 def last_seen(scene: Scene, k: int, stages: Stages) -> Whereabouts | None:
-    """Where person k was seen last, if it was."""
+    """Last known place of person k, if any."""
     person = scene.persons[k]
     marks = person.body.landmarks_in_world(person.q)[:, :2]
     return Whereabouts(marks.mean(axis=0), _NEAR_M) if stages.seen_before else None
 
 
 def whereabouts(frame: Frame, scene: Scene, stages: Stages) -> list[Whereabouts]:
-    """Where each person sought is, from what each view shows most of the time, in the order of the scene.
+    """Place of each person sought, from the most frequent colours of each view, in the order of the scene.
 
-    Who sways in one place is in the backdrops with all but the arms; but where the backdrops do not know what is behind
-    somebody, and where somebody differs from them, tells who is where.
+    The backdrops contain all of a person who sways in one place except the arms; but pixels where the backdrops are
+    unknown behind a person, and pixels that differ from them, show the places.
 
     Args:
         frame: the images.
         scene: the persons and the rig.
-        stages: with the backdrops, and who is not sought.
+        stages: with the backdrops, and the persons who are not sought.
 
     Raises:
-        InitializationError: nothing moves in two views, or it shows fewer persons.
+        InitializationError: nothing moves in two views, or too few persons move.
     """
     sought = tuple(person for k, person in enumerate(scene.persons) if k not in stages.held)
     if stages.seen_before:
@@ -225,8 +225,8 @@ def whereabouts(frame: Frame, scene: Scene, stages: Stages) -> list[Whereabouts]
     masks = foregrounds(frame, known)
     if sum(mask is not None for mask in masks) < 2:
         raise InitializationError(
-            f"frame {frame.index}: without background plates {len(sought)} persons are looked for where something "
-            'moves in the recording, and in two views nothing does: add `background = "background/{view}.png"` to '
+            f"frame {frame.index}: without background plates the search for {len(sought)} persons needs movement "
+            'in two views, and there is none: add `background = "background/{view}.png"` to '
             '[reading], or give the poses by initialization = { use = "given", poses = "start.csv" }'
         )
     held = tuple(scene.persons[k] for k in stages.held)
@@ -236,6 +236,6 @@ def whereabouts(frame: Frame, scene: Scene, stages: Stages) -> list[Whereabouts]
 
 
 def _within(person: Found, drawn: tuple[Mask | None, ...]) -> Moved:
-    """What was drawn (H, W) in the person's own region of each view."""
+    """The drawn foreground (H, W) in the person's own region of each view."""
     pairs = zip(person.regions, drawn, strict=True)
     return moved(tuple(None if own is None or mask is None else own & mask for own, mask in pairs))

@@ -1,13 +1,13 @@
-"""The search for stances without plates: how poses are scattered, and scored by edges and by what has moved.
+"""The search for stances without plates: scatters poses, and scores them by edges and by moved pixels.
 
 Edges by directional chamfer matching (Liu, Tuzel, Veeraraghavan, Chellappa: Fast directional chamfer matching, CVPR
-2010): one distance image for each of a few edge directions. Of the distance in a contour's own direction the mean over
-all directions is taken: where texture has edges of every direction, and where there are none, nothing is gained or
-lost.
+2010): one distance image for each of a few edge directions. The distance in a contour's own direction is compared with
+the mean over
+all directions: texture with edges of every direction, and places without edges, neither gain nor lose.
 
 Scattering is the annealed particle filter of Deutscher, Blake and Reid (Articulated body motion capture by annealed
-particle filtering, CVPR 2000) in one frame. A kept pose has to differ from all better ones, or one of them would soon
-be alone.
+particle filtering, CVPR 2000) in one frame. A kept pose must differ from all better ones, or one of them would soon be
+alone.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from tracker.images.operations.edges import canny, gradient
 from tracker.kernels.pictures import covered_by_rods
 from tracker.tracking.hypotheses import different
 
-# 22.5 degrees each, about what a coarse pose is off: a choice.
+# Edge directions of 22.5 degrees each, about the error of a coarse pose: a choice.
 _DIRECTIONS = 8
 # Thresholds of the edge detector are those of `ContourAnalysis`.
 _LOW, _HIGH = 3.0, 7.0
@@ -40,13 +40,13 @@ _LONGER_SIDE = 360
 
 @dataclass(frozen=True)
 class DirectionImages:
-    """Of each view and edge direction, how much nearer the next edge is than in an average direction."""
+    """For each view and edge direction, how much nearer the next edge is than in an average direction."""
 
     gains: tuple[Array32 | None, ...]
     """(D, h, w) -1 to 1 of each view, positive where an edge of that direction is near; None for a missing view."""
 
     scales: tuple[float, ...]
-    """Pixels of the gains in a pixel of the view."""
+    """Pixels of the gains for a pixel of the view."""
 
     @property
     def empty(self) -> bool:
@@ -54,11 +54,11 @@ class DirectionImages:
         return not any(gains is not None and gains.any() for gains in self.gains)
 
     def scores(self, contours: Contours, first_part: int = 0) -> Array:
-        """(B, V) mean gain of each pose's contour in each view; 0 for what chance would give.
+        """(B, V) mean gain of each pose's contour in each view; 0 for chance.
 
         Args:
             contours: of B poses.
-            first_part: parts before it are of others, and their contours do not count.
+            first_part: earlier parts belong to others, and their contours do not count.
         """
         found = np.zeros((contours.n_poses, len(self.gains)))
         for v, gains in enumerate(self.gains):
@@ -122,18 +122,18 @@ _CLOTHES_M = 0.03
 
 @dataclass(frozen=True)
 class Moved:
-    """What of a person differs from what the views show most of the time."""
+    """Differences of a person from the most frequent colours of the views."""
 
     pixels: tuple[Array32 | None, ...]
-    """(N, 2) some pixels of each view; None where it is not known which are the person's."""
+    """(N, 2) some pixels of each view; None where the person's pixels are unknown."""
 
     @property
     def known(self) -> bool:
-        """Whether anything is known to have moved."""
+        """Whether any movement is known."""
         return any(pixels is not None for pixels in self.pixels)
 
     def covered(self, body: BodyModel, poses: Array, rig: Rig) -> Array:
-        """(B,) share of the pixels that poses (B, dof) cover, mean of the views; 1 where nothing has moved."""
+        """(B,) share of the pixels that poses (B, dof) cover, mean of the views; 1 without movement."""
         if not self.known:
             return np.ones(len(poses))
         placed = body.world_from_part(poses)
@@ -143,11 +143,11 @@ class Moved:
 
 
 NOTHING = Moved(())
-"""Where it is not known what has moved."""
+"""Without known movement."""
 
 
 def moved(masks: tuple[Mask | None, ...]) -> Moved:
-    """Pixels spread over masks (H, W) of what has moved."""
+    """Pixels spread over masks (H, W) of moved pixels."""
     chosen: list[Array32 | None] = []
     for mask in masks:
         pixels = np.zeros((0, 2), np.float32) if mask is None else np.argwhere(mask)[:, ::-1].astype(np.float32)
@@ -169,7 +169,8 @@ def _covered(body: BodyModel, placed: Array, camera: Camera, pixels: Array32) ->
 
 
 Stance = Mapping[str, float]
-"""Parameter -> degrees; a name without the word of the side means both. The root's angles say how the body lies."""
+"""Parameter -> degrees; a name without the word of the side means both. The root's angles give the direction of the
+body."""
 
 
 def posed(body: BodyModel, stance: Stance) -> Array:
@@ -227,19 +228,19 @@ def _lowest(body: BodyModel, poses: Array) -> Array:
 
 
 class Round(NamedTuple):
-    """One round of scattering."""
+    """Settings of one round of scattering."""
 
     kept: int
-    """Poses that are scattered, the best ones."""
+    """Number of poses scattered, the best ones."""
 
     each: int
-    """Poses that each becomes."""
+    """Number of poses made of each."""
 
     share: float
-    """Of the first round's scatter."""
+    """Share of the first round's scatter."""
 
     apart_m: float
-    """Mean distance of the landmarks of two kept poses, at least, metres."""
+    """Least mean distance of the landmarks of two kept poses, metres."""
 
 
 ROUNDS = (
@@ -252,21 +253,21 @@ ROUNDS = (
 """Some 8000 poses, a quarter of those on the floor. Of a simulated person face down the best score on edges rose from
 0.13 to 0.22, before a refinement; that of the true pose is 0.31."""
 
-# Standard deviations of the first round: of joints as far apart as stances are, of the root half a step of the floor
-# and of the turns.
+# Standard deviations of the first round: of joints the distance of stances, of the root half a step of the floor and of
+# the turns.
 _JOINT_RAD, _TURN_RAD, _SHIFT_M = np.radians(35.0), np.radians(14.0), 0.12
-# Every parameter is left alone in so many poses: all of them wrong at once is what scattering seldom cures.
+# Every parameter keeps its value in so many poses: scattering seldom corrects all of them at once.
 _MOVED = 0.5
 
 
 def scattered(body: BodyModel, poses: Array, score: Callable[[Array], Array], rounds: tuple[Round, ...]) -> Array:
-    """What a search around poses finds; the same whenever it is called.
+    """Result of a search around poses; it is the same at every call.
 
     Args:
         body: whose joint limits hold.
-        poses: (N, dof) to begin with, the best first.
-        score: of poses (B, dof) the more the better (B,).
-        rounds: of the search; none leaves the poses as they are.
+        poses: (N, dof) first poses, the best first.
+        score: of poses (B, dof), higher is better (B,).
+        rounds: of the search; none leaves the poses unchanged.
 
     Returns:
         (M, dof) poses, the best first.

@@ -1,7 +1,7 @@
-"""Starts of upper bodies, of models whose legs do not move: heads are the tops of what stands out, on no floor.
+"""Starts of upper bodies, for models whose legs do not move: heads are the tops of the foreground; no floor is needed.
 
-Behind a desk nobody stands, and views that are near show neither legs nor floor. The visual hull tells where the head
-is: in six frames of a man who waves a board before four webcams one of its two highest tops is within 0.18 m of his
+A person at a desk does not stand, and near views show neither legs nor floor. The visual hull shows the
+head: in six frames of a man who waves a board before four webcams one of its two highest tops is within 0.18 m of his
 (docs/lab/upper_bodies.md).
 """
 
@@ -23,7 +23,7 @@ from tracker.tracking.initialization._visual_hull import Hull, visual_hull
 
 # Views that see a top, of rigs that have as many.
 _VIEWS = 3
-# What is thinner than three voxels is no head; one top in so many voxels each way, and the highest ones of all.
+# A piece thinner than three voxels is not a head; one top in so many voxels each way, and the highest ones of all.
 _THICK, _APART, _MOST_TOPS = 3, 9, 8
 # How far a head is from where somebody was told to be, at most, metres: who leans forwards.
 _NEAR_M = 1.0
@@ -31,8 +31,8 @@ _NEAR_M = 1.0
 _BESIDE_M, _ABOVE_M = (-0.08, 0.0, 0.08), (-0.12, -0.04, 0.04)
 # Leans of the trunk to one side at a time, and turns, degrees: a coarse search.
 _LEANS_DEG, _TURN_DEG = 20.0, 20.0
-# So much of the trunk in a view lies in what stands out, and two views show so much of it: true poses of the man at
-# his desk 0.86 and more, and 0.7.
+# Least share of the trunk in a view that lies in the foreground, and least share of it that two views show: true poses
+# of the man at his desk have 0.86 and more, and 0.7.
 _INSIDE, _SHOWN = 0.75, 0.5
 # Where in the parts it is looked at, in half lengths of their axes.
 _WITHIN = 0.7
@@ -41,7 +41,7 @@ _BATCH = 4096
 
 
 def has_upper_body_alone(body: BodyModel) -> bool:
-    """Whether no limb moves what the body stands on: legs are one piece with the trunk, or there are none."""
+    """Whether no limb moves the feet: legs are one piece with the trunk, or there are none."""
     placed = body.world_from_part(body.rest())
     lowest = int(np.argmin(placed[:, 2, 3] - np.abs(placed[:, 2, 2]) * body.shapes[:, 2]))
     arms = [limb for limb in body.limbs if body.partner_of(limb)]
@@ -56,13 +56,13 @@ def has_upper_body_alone(body: BodyModel) -> bool:
 def upper_poses(
     body: BodyModel, rig: Rig, masks: tuple[Mask | None, ...], at: tuple[float, float] | None = None
 ) -> Array:
-    """Poses (N, dof), limbs as in the reference pose, heads near tops of what stands out, trunks in the foreground.
+    """Poses (N, dof), limbs as in the reference pose, heads near tops of the foreground, trunks in the foreground.
 
     Args:
         body: whose legs do not move.
         rig: the cameras.
         masks: (H, W) foreground of each view, None where there is none.
-        at: about where the person is, metres, if that was told.
+        at: approximate place of the person, metres, if given.
     """
     clean = tuple(None if mask is None else cleaned(mask) for mask in masks)
     tops = hull_tops(visual_hull(rig, clean, 0), sum(mask is not None for mask in masks))
@@ -83,8 +83,8 @@ def hull_tops(hull: Hull, n_views: int) -> Array:
     """(N, 3) middles of the highest places of a hull, metres, the highest one first.
 
     Args:
-        hull: what stands out.
-        n_views: that can see it.
+        hull: of the foreground.
+        n_views: number of views of it.
     """
     hull = hull.part(hull.seen * n_views > min(_VIEWS, n_views) - 0.5)
     if not len(hull.cells):

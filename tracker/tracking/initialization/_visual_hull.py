@@ -1,4 +1,4 @@
-"""Where persons can be: the volume that the foreground of all views has in common, in pieces that hang together."""
+"""Space where persons can be: the common volume of all views' foreground, in connected pieces."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Hull:
 def visual_hull(rig: Rig, masks: tuple[Mask | None, ...], most_lacking: int) -> Hull:
     """The voxels of the common field of view that are foreground.
 
-    Coarse cells first, then those that may hold some are cut into voxels.
+    Coarse cells come first; those that may hold foreground are cut into voxels.
 
     Args:
         rig: the cameras.
@@ -73,11 +73,11 @@ def visual_hull(rig: Rig, masks: tuple[Mask | None, ...], most_lacking: int) -> 
 
 
 def connected(hull: Hull, erosions: int = 0) -> list[Hull]:
-    """Pieces of a hull that hang together, the largest first.
+    """Connected pieces of a hull, the largest first.
 
     Args:
         hull: the voxels.
-        erosions: layers taken off to part pieces that touch, before the voxels are given to the nearest core.
+        erosions: layers removed to part pieces that touch, before the voxels go to the nearest core.
     """
     if len(hull.cells) == 0:
         return []
@@ -119,7 +119,7 @@ def within_all(rig: Rig, masks: tuple[Mask, ...], points: Array) -> Mask:
 
 
 def _common_field(rig: Rig) -> tuple[Array, float]:
-    """The point that all cameras look at, and how far around it persons are sought, metres."""
+    """The point that all cameras face, and the radius of the search for persons around it, metres."""
     centres = np.array([camera.centre for camera in rig.cameras])
     forward = np.array([camera.camera_from_world[2, :3] for camera in rig.cameras])
     ahead = centres.mean(axis=0) + 3.0 * forward.mean(axis=0)
@@ -134,9 +134,9 @@ def _common_field(rig: Rig) -> tuple[Array, float]:
 def _in_foreground(
     rig: Rig, gaps: list[Array32 | None], points: Array, size_m: float, most_lacking: int
 ) -> tuple[Mask, Integers, Array]:
-    """Which cells of a size around points (N, 3) may hold foreground of all views but some.
+    """Cells of a size around points (N, 3) that may hold foreground of all views except some.
 
-    Also how many views lack it, and the share of the views that see the cell.
+    Also the number of views that lack it, and the share of the views that see the cell.
     """
     inside, lacking = np.zeros((2, len(points)), dtype=np.int64)
     for camera, gap in zip(rig.cameras, gaps, strict=True):
@@ -155,7 +155,7 @@ def _in_foreground(
 _BIN_M = 0.02
 _LATERAL_M = 0.2
 _LEANING = np.cos(np.radians(45.0))
-# Of two pixels and fewer there is no major axis, or no strip around it.
+# Two pixels and fewer have no major axis, and no strip around it.
 _LEAST_PIXELS = 3
 # Specks beyond the end of a person.
 _END_PERCENT = 1.0
@@ -200,8 +200,8 @@ def _axes_of(region: Mask, min_area: float) -> tuple[PrincipalAxis, ...]:
 def torso_axis(rig: Rig, regions: tuple[Mask | None, ...], axes: list[tuple[PrincipalAxis, ...]]) -> TorsoAxis:
     """The 3-D axis that projects to the major axes of at least two views, with the head's place on it.
 
-    A shadow that hangs on a region turns its major axis. With three views or more, each is left out in turn, and of
-    all lines the one wins that the foreground of all views lies around best.
+    A shadow connected to a region turns its major axis. With three views or more, each is left out in turn, and the
+    line with most foreground of all views around it wins.
 
     Raises:
         InitializationError: fewer than two views show the person, all of them from the same direction, or the
@@ -230,9 +230,9 @@ def torso_axis(rig: Rig, regions: tuple[Mask | None, ...], axes: list[tuple[Prin
 
 
 def hull_axis(points: Array) -> TorsoAxis:
-    """The major axis of a person's voxels (N, 3) metres, after removing what lies lateral to it turn by turn.
+    """The major axis of a person's voxels (N, 3) metres, after removing lateral parts turn by turn.
 
-    It needs no axis in any view, so that it also holds where shadows and objects hang on the regions.
+    It needs no axis in any view, and so tolerates shadows and objects connected to the regions.
 
     Raises:
         InitializationError: nothing lies around it, as in a ring.
@@ -240,7 +240,7 @@ def hull_axis(points: Array) -> TorsoAxis:
     centre, direction = _hull_line(points)
     near = _beside(points, centre, direction) < _LATERAL_M
     if not near.any():
-        raise InitializationError("the foreground does not lie around its own axis: it is no person")
+        raise InitializationError("the foreground does not lie around its own axis: it is not a person")
     along = (points - centre) @ direction
     return TorsoAxis(centre + _head_position(along[near]) * direction, direction)
 
@@ -267,7 +267,7 @@ def _beside(points: Array, centre: Array, direction: Array) -> Array:
 
 
 def _line(rig: Rig, axes: list[tuple[PrincipalAxis, ...]], views: tuple[int, ...]) -> tuple[Array, Array] | None:
-    """Point and upward direction (3,) of the line in the planes of some views' axes; None if these are one plane."""
+    """Point and upward direction (3,) of the line in the planes of some views' axes; None if the planes coincide."""
     normals = []
     for v in views:
         lower, upper = rig.cameras[v].rays(axes[v][-1].ends)

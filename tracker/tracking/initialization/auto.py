@@ -1,4 +1,4 @@
-"""Starts by what the recording has."""
+"""Chooses the start by the recording."""
 
 from __future__ import annotations
 
@@ -28,28 +28,28 @@ from tracker.tracking.start import Start
 class AutoInitialization:
     """Given poses if there are any; `pca` with the background plates of two views or more.
 
-    Without plates `pca` before what the views show most of the time; where that does not show a person, `stance`, also
-    in a frame whose light is so far from that of the plates that nobody stands out against them. Where there are 2-D
-    keypoints, they are asked first, and the rest where they do not show everybody. Several persons
-    without plates are looked for by `stance` where something moves. Bodies that stay in their place, an arm of a robot,
-    are looked for in poses all over their limits.
+    Without plates `pca` before the most frequent colours of the views; if that does not show a person, `stance`, also
+    in a frame whose light is so far from that of the plates that no person stands out. 2-D keypoints come first, if
+    there are some, and the rest if they do not show every person. Without plates `stance` searches for several persons
+    where something moves. For bodies that stay in place, an arm of a robot, the search covers poses all over their
+    limits.
     """
 
     poses: FilePath | None = None
-    """CSV of start poses or joints, as for `given`. Who is lost later is looked for before the background plates, if
-    two views have one."""
+    """CSV of start poses or joints, as for `given`. The search for a person who is lost later uses the background
+    plates, if two views have one."""
 
     keypoints: KeypointInitialization | None = None
-    """How persons are found by 2-D keypoints, where there are some; `keypoints` of a run sets it."""
+    """Start by 2-D keypoints, if there are some; `keypoints` of a run sets it."""
 
     pca: PcaInitialization = PcaInitialization()
-    """How persons are found before known backgrounds."""
+    """Start before known backgrounds."""
 
     stance: StanceInitialization = StanceInitialization()
-    """How persons are found without background plates."""
+    """Start without background plates."""
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
-        """Refuses what the start chosen cannot do; see `tracker.tracking.initialization.Initialization.check`."""
+        """Refuses what the chosen start cannot do; see `tracker.tracking.initialization.Initialization.check`."""
         check_size(scene)
         n_plates = sum(plate is not None for plate in plates)
         if n_plates == 1 and self.poses is None:
@@ -63,13 +63,13 @@ class AutoInitialization:
         return "; ".join([*told, *(f"{scene.persons[k].name} where its model stands" for k in fixed)])
 
     def _told(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
-        """What the start of persons who do not stay in their place goes by."""
+        """Choice of the start for persons who do not stay in place."""
         chosen = self._chosen(plates)
         if self.keypoints is not None and self.poses is None:
             others = replace(self, keypoints=None)._told(scene, plates)
-            return f"{self.keypoints.check(scene, plates)}; where they do not show everybody, {others}"
+            return f"{self.keypoints.check(scene, plates)}; if they do not show every person, {others}"
         if chosen is self.stance and _upper_body_alone(scene, ()):
-            return "an upper body, where what moves has its tops; no background plates"
+            return "an upper body, at the tops of moving regions; no background plates"
         return chosen.check(scene, plates)
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
@@ -85,7 +85,7 @@ class AutoInitialization:
         return beside(start, found)
 
     def _of_moving(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        """Poses of all persons but those that stay in their place, which are held."""
+        """Poses of all persons except those that stay in place, which are held."""
         if self.keypoints is not None and (self.poses is None or stages.seen_before):
             try:
                 return self.keypoints.start(frame, scene, stages)
@@ -96,7 +96,7 @@ class AutoInitialization:
         alone = len(scene.persons) - len(stages.held) == 1
         if chosen is self.pca and alone and _in_another_light(frame, stages.plates):
             return self.stance.start(frame, scene, stages)
-        # Of several who sway in one place backdrops show most: poses that cover the rest are 0.4 to 0.7 m off.
+        # Of several persons who sway in one place backdrops show most: poses that cover the rest are 0.4 to 0.7 m off.
         if chosen in (self.pca, self.stance) and any(one is None for one in known) and (alone or chosen is self.pca):
             # A body without an axis has no place before backdrops, and stances on the floor.
             with contextlib.suppress(InitializationError, ModelError):
@@ -104,12 +104,12 @@ class AutoInitialization:
         return chosen.start(frame, scene, stages)
 
     def _before_backdrops(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        """What stands out against what the views show most of the time.
+        """The foreground against the most frequent colours of the views.
 
         Raises:
-            InitializationError: it is no person, or only a part of one.
+            InitializationError: it is not a person, or only a part of one.
         """
-        stages.progress("start: what the views show most of the time")
+        stages.progress("start: foreground against the usual colours of the views")
         made = stages.backdrops() or stages.plates
         known = tuple(plate or one for plate, one in zip(stages.plates, made, strict=True))
         if sum(plate is not None for plate in known) < max(2, 1 + sum(plate is not None for plate in stages.plates)):
@@ -139,7 +139,7 @@ def _upper_body_alone(scene: Scene, held: tuple[int, ...]) -> bool:
 
 
 def _in_another_light(frame: Frame, plates: tuple[Plate | None, ...]) -> bool:
-    """Whether so many images differ everywhere from their plates that nobody stands out in two views."""
+    """Whether so many images differ everywhere from their plates that no person stands out in two views."""
     shown = [plate if image is not None else None for image, plate in zip(frame.images, plates, strict=True)]
     n_plates = sum(plate is not None for plate in shown)
     n_usable = sum(mask is not None for mask in foregrounds(frame, plates))

@@ -32,7 +32,7 @@ class GivenInitialization:
 
     poses: FilePath
     """CSV with the columns `frame`, `person` and every parameter with its unit (`torso_x_m`, ...); or with `frame`,
-    `joint`, `x`, `y`, `z` (metres) and `person` where there are several: the bodies are fitted to the joints."""
+    `joint`, `x`, `y`, `z` (metres) and, for several persons, `person`: the bodies are fitted to the joints."""
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """Reads every pose or joint that may be used; see `tracker.tracking.initialization.Initialization.check`."""
@@ -51,14 +51,14 @@ class GivenInitialization:
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """The row of each person with the frame's number, or that of the nearest earlier frame, or of the first one.
 
-        With how well it fits beside the same pose turned round: tables of other programs may have left and right, or
-        front and back, exchanged.
+        It compares each pose with the same turned round: tables of other programs may have left and right, or front and
+        back, exchanged.
         """
         scene = scene.with_poses(self.poses_of(scene, frame.index))
         poses = tuple(person.q for person in scene.persons)
         if stages.seen_before:
             return Start(poses)
-        # what is fixed to the floor, as an arm of a robot, has no other way to face
+        # a body fixed to the floor, as an arm of a robot, cannot face the other way
         hypotheses = tuple(
             beside_turned(frame, scene, k, turned_round(person.body, person.q), stages)
             if person.body.start.turn
@@ -90,7 +90,7 @@ class GivenInitialization:
 
 
 def _rows_of(rows: list[dict[str, str]], person: Person, path: Path) -> list[dict[str, str]]:
-    """The poses of one person, without those of frames in which it was lost."""
+    """The poses of one person, without lost frames."""
     if "person" not in rows[0]:
         raise ConfigError(f'{path}: no column "person"; {nearest("person", rows[0])}')
     found = [row for row in rows if row.get("status") != "lost"]

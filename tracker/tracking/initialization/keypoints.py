@@ -1,4 +1,4 @@
-"""Start poses from 2-D keypoints that a detector found; needs no clean plates."""
+"""Start poses from a detector's 2-D keypoints; needs no clean plates."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from tracker.tracking.initialization._persons import place
 from tracker.tracking.start import Hypothesis, Start
 
 _LEAST_MARKS = 6
-"""Landmarks in space that fix a pose well enough to start from: hips and shoulders, and two more."""
+"""Number of landmarks in space that fix a pose for a start: hips and shoulders, and two more."""
 
 _FAR_M = 0.15
-"""A body this far from the keypoints on average is not theirs, metres."""
+"""Mean distance from which on the keypoints are not the body's, metres."""
 
 _HELD_M = 0.3
-"""Keypoints this close on average to a person whose pose is known are those of that one: a running stride in a frame,
+"""Keypoints this close on average to a person with a known pose are that person's: a running stride in a frame,
 metres."""
 
 
@@ -42,7 +42,7 @@ class KeypointInitialization(KeypointFiles):
     """Triangulates the keypoints of all views robustly and fits the bodies to them by inverse kinematics."""
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
-        """Opens the files and asks what of each body their keypoints mean; see `Initialization.check`."""
+        """Opens the files and checks which points of each body their keypoints mean; see `Initialization.check`."""
         try:
             views = self.checked(scene.rig)
         except SequenceError as error:
@@ -59,11 +59,10 @@ class KeypointInitialization(KeypointFiles):
         return f"keypoints, {views.order}{views.numbering}, in {self.path}"
 
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        """The poses that fit the keypoints best; who is who is told by `at`, else by how well each body fits.
+        """The poses that fit the keypoints best; `at` assigns the persons, or else the fit of each body.
 
-        With how well they fit the images beside the same poses turned round: detectors and tables of keypoints may have
-        left and right exchanged in all views. The poses stay, and are no less sure: keypoints know of sides what
-        outlines do not.
+        It compares them with the same poses turned round: detectors and tables of keypoints may have left and right
+        exchanged in all views. The poses stay, and are no less sure: keypoints show sides that outlines do not.
         """
         try:
             views = self.checked(scene.rig)
@@ -73,7 +72,7 @@ class KeypointInitialization(KeypointFiles):
         persons, sought = _skeletons(views, found, scene, stages), _sought(scene, stages)
         fits, places = _fitted(persons, sought, views.names, scene, stages)
         if places is None:
-            beside = " beside those whose poses are known" if stages.held else ""
+            beside = " beside those with known poses" if stages.held else ""
             seen = ", ".join(f"{len(view)} in {name}" for view, name in zip(found, views.views, strict=True))
             raise InitializationError(
                 f"frame {frame.index}: keypoints of {len(sought)} person(s) sought, the views agree on {len(persons)}"
@@ -91,7 +90,7 @@ class KeypointInitialization(KeypointFiles):
         return Start(tuple(poses), (), ranking, by_keypoints=True)
 
     def _way_out(self, views: KeypointViews, frame: Frame, scene: Scene, stages: Stages) -> str:
-        """What to do where no start is found: to name the layout that fits, where the number of keypoints misled."""
+        """Advice if there is no start: the layout that fits, if the number of keypoints misled."""
         order, gaps = views.order, views.gaps_told(frame)
         fitting = next((other for other in order.others if self._fits(other, frame, scene, stages)), None)
         if fitting:
@@ -102,7 +101,7 @@ class KeypointInitialization(KeypointFiles):
         )
 
     def _fits(self, layout: str, frame: Frame, scene: Scene, stages: Stages) -> bool:
-        """Whether the bodies fit the keypoints if their order is another one."""
+        """Whether the bodies fit the keypoints in another order."""
         views = KeypointViews.open(self.path, scene.rig.names, layout=layout)
         found = self.found(views, frame, scene.rig)
         persons = _skeletons(views, found, scene, stages)
@@ -110,12 +109,12 @@ class KeypointInitialization(KeypointFiles):
 
 
 def _sought(scene: Scene, stages: Stages) -> list[int]:
-    """The persons whose poses are not known."""
+    """The persons without known poses."""
     return [k for k in range(len(scene.persons)) if k not in stages.held]
 
 
 def _skeletons(views: KeypointViews, found: list[Array], scene: Scene, stages: Stages) -> list[Skeleton]:
-    """The persons that the views agree on, without those whose poses are known."""
+    """The skeletons that the views agree on, without those of known poses."""
     body = scene.persons[0].body
     other_side, groups = swapped_sides(views.names, body.mirror), limbs(views.names, body)
     persons = skeletons(scene.rig, found, other_side, groups, len(scene.persons) + 1)
@@ -125,7 +124,7 @@ def _skeletons(views: KeypointViews, found: list[Array], scene: Scene, stages: S
 def _fitted(
     persons: list[Skeleton], sought: list[int], names: tuple[str, ...], scene: Scene, stages: Stages
 ) -> tuple[list[list[tuple[Array, float]]], tuple[int, ...] | None]:
-    """For each person sought the fit to each skeleton, and which skeleton it is; None if one of them is nobody."""
+    """For each person sought the fit to each skeleton, and the chosen skeleton; None if one of them has none."""
     fits = [[_fit(scene.persons[k].body, names, one) for one in persons] for k in sought]
     told = [None if stages.seen_before else scene.persons[k].at for k in sought]
     return fits, _assigned([_costs(persons, row, at) for row, at in zip(fits, told, strict=True)])
@@ -139,7 +138,7 @@ def _exchanged(person: Skeleton, other_side: Integers) -> Skeleton:
 def _beside_turned(
     frame: Frame, scene: Scene, turned: dict[int, Array], stages: Stages
 ) -> tuple[tuple[Hypothesis, ...], ...]:
-    """For each person the pose found and turned round, the better one first; empty for those not looked for."""
+    """For each person the pose found and turned round, the better one first; empty for persons not sought."""
     if stages.seen_before or all(image is None for image in frame.images):
         return ()
     stages = replace(stages, evidence=_of_images(stages.evidence))
@@ -149,7 +148,7 @@ def _beside_turned(
 
 
 def _of_images(evidence: Evidence) -> Evidence:
-    """The evidence without keypoints: these would confirm the sides that they have told."""
+    """The evidence without keypoints: these would confirm their own sides."""
     if isinstance(evidence, KeypointEvidence):
         return AutoEvidence()
     if not isinstance(evidence, TogetherEvidence):
@@ -164,7 +163,7 @@ def _of_images(evidence: Evidence) -> Evidence:
 
 
 def _fit(body: BodyModel, names: tuple[str, ...], person: Skeleton) -> tuple[Array, float]:
-    """The pose of a body that fits a person, and the mean distance left, metres; infinite if too little is seen."""
+    """The pose of a body that fits a skeleton, and the mean distance left, metres; infinite if too little is seen."""
     marks = meant(names, body)
     marks = marks.of(np.flatnonzero(np.isfinite(person.points[marks.rows]).all(axis=1)))
     rows = marks.rows
@@ -175,7 +174,7 @@ def _fit(body: BodyModel, names: tuple[str, ...], person: Skeleton) -> tuple[Arr
 
 
 def _without(persons: list[Skeleton], names: tuple[str, ...], held: list[Person]) -> list[Skeleton]:
-    """The skeletons without those of persons whose poses are known."""
+    """The skeletons without those of persons with known poses."""
     left = list(persons)
     for person in held:
         gaps = [_gap_m(person, names, one) for one in left]
@@ -185,7 +184,7 @@ def _without(persons: list[Skeleton], names: tuple[str, ...], held: list[Person]
 
 
 def _gap_m(person: Person, names: tuple[str, ...], skeleton: Skeleton) -> float:
-    """Mean distance of keypoints from where a person's pose has them, metres; infinite if too few can be compared."""
+    """Mean distance of keypoints from a person's pose, metres; infinite if too few can be compared."""
     marks = meant(names, person.body)
     gaps = np.linalg.norm(
         person.body.points_in_world(person.q, marks.points, marks.ends) - skeleton.points[marks.rows], axis=1
@@ -195,9 +194,9 @@ def _gap_m(person: Person, names: tuple[str, ...], skeleton: Skeleton) -> float:
 
 
 def _costs(persons: list[Skeleton], fits: list[tuple[Array, float]], at: tuple[float, float] | None) -> list[float]:
-    """What it costs to take each skeleton for a body, metres: how far it is from where the body is told to be.
+    """Cost of assigning each skeleton to a body, metres: distance from the body's given place.
 
-    Else what the fit leaves over. Infinite where the body is too far from the keypoints.
+    Without a given place the rest of the fit. Infinite if the body is too far from the keypoints.
     """
     if at is None:
         far_m = [left for _, left in fits]
@@ -208,7 +207,7 @@ def _costs(persons: list[Skeleton], fits: list[tuple[Array, float]], at: tuple[f
 
 
 def _assigned(costs: list[list[float]]) -> tuple[int, ...] | None:
-    """For each body the skeleton it is, so that it costs least in all; None if one of them is nobody."""
+    """For each body its skeleton, at the least total cost; None if one of them has none."""
     n_persons = len(costs[0]) if costs else 0
     orders = [
         order

@@ -45,14 +45,14 @@ from tracker.tracking.initialization._visual_hull import TorsoAxis, hull_axis, r
 from tracker.tracking.objective import Objective
 from tracker.tracking.start import AxisFit, Hypothesis, Start, sureness
 
-# Of somebody low shadows hide more: in two frames the right pose was fourth to sixth before the run's estimation, and
+# Shadows hide more of a low person: in two frames the right pose was fourth to sixth before the run's estimation, and
 # first after it.
 _MORE_OF_LOW = 2
-# Of who is looked for again: a woman who walked in left 0.12 to 0.27 over, shadows of the man beside her 0.44 to 0.64.
+# In a renewed search a woman who walked in left over 0.12 to 0.27, shadows of the man beside her 0.44 to 0.64.
 _MOST_LEFT_OVER = 0.5
-# Share of the best coarse pose that lies before what stands out, against plates that do not know everywhere what is
-# background: 0.65 to 1 in three frames of eight recordings; 0.45 in two of a woman who is in such plates herself.
-# Searched from there, which took 18 s, she ended 150 m away.
+# Share of the best coarse pose in the foreground, against plates that are unknown in places: 0.65 to 1 in three frames
+# of eight recordings; 0.45 in two of a woman who is in such plates herself. Searched from there, which took 18 s, she
+# ended 150 m away.
 _LEAST_COVERED = 0.5
 
 # How many times as far off as the best one a pose may be after the first steps of the fine search. Right ones were 1.16
@@ -67,10 +67,11 @@ _Made = TypeVar("_Made")
 class PcaInitialization:
     """Background subtraction, iterated PCA in every view, the body's axis in space, then a coarse-to-fine search.
 
-    Persons must not overlap in the images, before a known background. Of those who stand the head is up. Somebody lower
-    may lie either way round the axis, or crouch, sit or lie as the stances of the body's file. The axis of a body that
-    lies in its model file, an animal's trunk, is followed both ways. Bodies whose legs do not move need not be whole in
-    the images: their heads are tops of what stands out.
+    Persons must not overlap in the images, before a known background. A standing person has the head up. A lower one
+    may lie either way round the axis, or crouch, sit or lie as in the stances of the body's file. The axis of a body
+    that lies in its model file, an animal's trunk, is followed both ways. A body whose legs do not move need not be
+    whole in
+    the images: its head is a top of the foreground.
     """
 
     min_area: float = pydantic.Field(default=0.002, gt=0, lt=1)
@@ -81,10 +82,10 @@ class PcaInitialization:
 
     coarse_deg: dict[str, tuple[float, ...]] | None = None
     """Values of further parameters tried with every turn in the coarse search, degrees. None takes those of the body's
-    file; say here how persons hold their arms when a recording begins in another way."""
+    file; set it if persons hold their arms differently at the beginning."""
 
     hypotheses: int = pydantic.Field(default=4, ge=1)
-    """Coarse poses that are searched finely; their turns are at least `apart_deg` apart."""
+    """Coarse poses for the fine search; their turns are at least `apart_deg` apart."""
 
     apart_deg: float = pydantic.Field(default=40.0, ge=0)
     """Least difference of the turns of two hypotheses, degrees."""
@@ -92,14 +93,14 @@ class PcaInitialization:
     fine: BestFirstEstimation = BestFirstEstimation(
         range_deg=60.0, step_deg=20.0, range_m=0.1, step_m=0.05, halvings=2, patience=3
     )
-    """Search around each hypothesis."""
+    """Fine search around each hypothesis."""
 
     refinement: TwistIcpEstimation = TwistIcpEstimation()
-    """Refinement of what the fine search finds."""
+    """Refinement after the fine search."""
 
     finalists: int = pydantic.Field(default=3, ge=1)
-    """Refined hypotheses, different from one another, that the run's own estimation decides between; one
-    more where all of them face one way."""
+    """Refined hypotheses, different from one another, for the run's own estimation; one more if all of them face one
+    way."""
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
         """Needs the plates of two views, and bodies with an axis; see `initialization.Initialization.check`."""
@@ -119,7 +120,7 @@ class PcaInitialization:
     @person_sized
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
         """Poses of all persons in one frame; see `tracker.tracking.initialization.Initialization.start`."""
-        stages.progress(f"start: what stands out in {sum(plate is not None for plate in stages.plates)} views")
+        stages.progress(f"start: foreground in {sum(plate is not None for plate in stages.plates)} views")
         masks = foregrounds(frame, stages.plates)
         _enough(masks, frame, scene)
         sought = [k for k in range(len(scene.persons)) if k not in stages.held]
@@ -150,16 +151,16 @@ class PcaInitialization:
     def _of_upper_body(
         self, k: int, frame: Frame, scene: Scene, stages: Stages, masks: tuple[Mask | None, ...]
     ) -> Start:
-        """The start of person k, whose legs do not move, where masks (H, W) of what stands out have their tops.
+        """The start of person k, whose legs do not move, below the tops of masks (H, W) of the foreground.
 
-        Hypotheses are ranked by their distances: all edges of what stands out that are not the person's, a board in the
-        hands, clothes, halos of what is not known, are left over by any of them.
+        Hypotheses are ranked by their distances, because each of them leaves over all edges of the foreground that are
+        not the person's: a board in the hands, clothes, rims of unknown regions.
         """
         alone, body = with_held(scene, k, stages.held), scene.persons[k].body
         poses = upper_poses(body, scene.rig, masks, None if stages.seen_before else scene.persons[k].at)
         if not len(poses):
-            raise InitializationError(f"frame {frame.index}: no top of what stands out is the head of somebody")
-        stages.progress(f"start: {len(poses)} poses of {scene.persons[k].name} below what stands out highest")
+            raise InitializationError(f"frame {frame.index}: no top of the foreground is a head")
+        stages.progress(f"start: {len(poses)} poses of {scene.persons[k].name} below the highest tops")
         if any(plate is not None and plate.unknown is not None for plate in stages.plates):
             frame = outlined(frame, stages.plates, segmented(frame, stages.plates))
         objective = stages.objective(frame, alone, len(alone.persons) - 1)
@@ -193,7 +194,7 @@ class PcaInitialization:
         return list(islice(found, 1 if stages.seen_before else None))
 
     def _drafts(self, frame: Frame, scene: Scene, stages: Stages, ways: list[list[Found]]) -> list[Draft]:
-        """What each way to find the persons comes to."""
+        """Start of each way to find the persons."""
 
         def drafted(way: list[Found]) -> Draft:
             return self._draft(way, frame, scene, stages)
@@ -203,16 +204,18 @@ class PcaInitialization:
         found = [_or_fault(drafted)(way) for way in ways]
         if drafts := [one for one in found if isinstance(one, Draft)]:
             return drafts
-        none = InitializationError(f"frame {frame.index}: {len(ways)} bodies stand out, and none is like a person")
+        none = InitializationError(
+            f"frame {frame.index}: {len(ways)} bodies in the foreground, and none is like a person"
+        )
         raise _likeliest_fault([none, *(one for one in found if isinstance(one, InitializationError))])
 
     def _settled(self, ways: list[Draft], stages: Stages) -> Start:
-        """The start that ways to find the persons in one foreground come to, by the run's own estimation."""
+        """The start from all ways to find the persons in one foreground, by the run's own estimation."""
         starts = [draft.settled(stages, self.finalists) for draft in ways]
         return starts[0] if len(ways) == 1 else likeliest(starts, ways[0].scene, self.finalists, bodies=True)
 
     def _draft(self, found: list[Found], frame: Frame, scene: Scene, stages: Stages) -> Draft:
-        """Hypotheses of the persons sought, who are those found, each searched for before the next."""
+        """Hypotheses of the persons sought, each searched for before the next."""
         sought = [k for k in range(len(scene.persons)) if k not in stages.held]
         persons = tuple(scene.persons[k] for k in sought)
         evidence: list[tuple[AxisFit | None, ...]] = [()] * len(scene.persons)
@@ -223,14 +226,14 @@ class PcaInitialization:
             hypotheses[k] = self._search(frame, with_held(scene, k, stages.held), stages, person, axes)
             if stages.seen_before and hypotheses[k][0].left_over > _MOST_LEFT_OVER:
                 raise InitializationError(
-                    f"frame {frame.index}: what stands out is not like {scene.persons[k].name}: the best pose leaves "
-                    f"{hypotheses[k][0].left_over:.0%} of the contour over, expected at most {_MOST_LEFT_OVER:.0%}"
+                    f"frame {frame.index}: the foreground is not like {scene.persons[k].name}: the best pose leaves "
+                    f"over {hypotheses[k][0].left_over:.0%} of the contour, expected at most {_MOST_LEFT_OVER:.0%}"
                 )
             scene = scene.with_pose(k, hypotheses[k][0].q)
         return Draft(frame, scene, tuple(ordered), tuple(evidence), tuple(hypotheses))
 
     def _axes(self, person: Found, rig: Rig) -> tuple[list[TorsoAxis], tuple[AxisFit | None, ...]]:
-        """The torso's axis from the views and from the hull, and the picture of how the first was found."""
+        """The torso's axis from the views and from the hull, and the picture of the former."""
         axes = region_axes(person.regions, self.min_area)
         fits = tuple(
             AxisFit(region, tuple(one.ends for one in found)) if region is not None and found else None
@@ -262,14 +265,14 @@ class PcaInitialization:
         return finalists(ranked(body, refined), _MORE_OF_LOW * self.finalists if low else self.finalists)
 
     def _coarse(self, objective: Objective) -> CoarseSearch:
-        """The coarse search as configured, with the values of the body's file where none are."""
+        """The coarse search as configured, with the values of the body's file in place of missing ones."""
         values = objective.body.start.coarse_deg if self.coarse_deg is None else self.coarse_deg
         return CoarseSearch(objective, values, self.turn_step_deg, self.hypotheses, self.apart_deg)
 
     def _all_refined(self, objective: Objective, poses: list[Array], tally: Tally) -> list[Hypothesis]:
-        """What the fine search and the refinement make of poses (dof,), but of those that the best one leads clearly.
+        """Results of the fine search and the refinement for poses (dof,), except those that the best one leads clearly.
 
-        Each is searched with the first steps before any is with finer ones.
+        Each is searched with the first steps before any is searched with finer ones.
         """
         tally.expect(2 * len(poses))
         begun = []
@@ -294,7 +297,7 @@ def _by_distance(body: BodyModel, hypotheses: list[Hypothesis]) -> tuple[Hypothe
 
 
 def _stand_out(frame: Frame, scene: Scene, stages: Stages, poses: list[Array]) -> None:
-    """Refuses poses (dof,) of a scene's last person that lie, whatever the others do, before what has not changed.
+    """Refuses poses (dof,) of a scene's last person that lie, whatever the others do, on unchanged pixels.
 
     Raises:
         BackdropError: all of them do.
@@ -309,7 +312,7 @@ def _stand_out(frame: Frame, scene: Scene, stages: Stages, poses: list[Array]) -
 
 
 def _or_fault(find: Callable[[_One], _Made]) -> Callable[[_One], _Made | InitializationError]:
-    """The same, but that it returns why nobody was found."""
+    """The same, but it returns the reason if no person is found."""
 
     def tried(one: _One) -> _Made | InitializationError:
         try:
@@ -321,7 +324,7 @@ def _or_fault(find: Callable[[_One], _Made]) -> Callable[[_One], _Made | Initial
 
 
 def _likeliest_fault(faults: list[InitializationError]) -> InitializationError:
-    """The first of what several ways to look ended with, but that which tells whom the plates show comes before it."""
+    """The first reason of several ways, except that a person in the plates comes before it."""
     return next((one for one in faults if isinstance(one, BackdropError)), faults[0])
 
 

@@ -1,4 +1,4 @@
-"""A start without background plates: looked for on the floor in several stances, on edges alone."""
+"""A start without background plates: searches the floor in several stances, on edges alone."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from tracker.tracking.start import Hypothesis, Start, limbs_shown, sureness
 _WHOLE, _PARTLY = 0.9, 0.6
 # Best coarse poses that are tried at half the steps, and how far poses must be apart to be tried twice.
 _AGAIN, _APART_M = 60, 0.25
-# Of the poses that are refined, so many are stances as they are: of who stands they are often nearer.
+# Share of the refined poses that are unchanged stances: for standing persons they are often nearer.
 _PLAIN = 2
 # Poses after which is told how many are left: some seconds.
 _TOLD = 4096
@@ -52,7 +52,7 @@ _TOLD = 4096
 class StanceInitialization:
     """Tries stances at every place and turn that two views show; refines the best ones.
 
-    One person is looked for all over the floor, several where something moves in the recording.
+    It searches all over the floor for one person, and where something moves for several.
     """
 
     stances_deg: tuple[dict[str, float], ...] | None = pydantic.Field(default=None, min_length=1)
@@ -77,21 +77,21 @@ class StanceInitialization:
     """Poses that are refined, different from one another."""
 
     finalists: int = pydantic.Field(default=3, ge=1)
-    """Refined hypotheses, different from one another, that may be tracked into the next frames to choose between; one
-    more where all of them face one way."""
+    """Refined hypotheses, different from one another, for tracking into the next frames; one more if all of them face
+    one way."""
 
     # See docs/lab/two_persons_without_plates.md.
     least_score: float = pydantic.Field(default=0.16, gt=0, le=1)
-    """Least share of what edges can gain that the best refined pose gains, chance being 0; below it nobody was found.
-    In empty rooms something reached 0.09 to 0.13, up to 94 % of its contour on edges; persons reach 0.2 to 0.37."""
+    """Least share of the possible gain on edges of the best refined pose, chance being 0; below it no person was found.
+    In empty rooms scores reached 0.09 to 0.13, up to 94 % of the contour on edges; persons reach 0.2 to 0.37."""
 
     def check(self, scene: Scene, plates: tuple[Plate | None, ...]) -> str:
-        """Needs floor that the views show; see `tracker.tracking.initialization.Initialization.check`."""
+        """Needs visible floor; see `tracker.tracking.initialization.Initialization.check`."""
         factor = enlargement(scene)
         return self.in_world(factor)._checked(scene if factor == 1 else enlarged(scene, factor), factor)
 
     def in_world(self, factor: float) -> StanceInitialization:
-        """The same for a world enlarged by a factor."""
+        """The component for a world enlarged by a factor."""
         return replace(self, floor_m=factor * self.floor_m)
 
     def _checked(self, scene: Scene, factor: float) -> str:
@@ -109,18 +109,18 @@ class StanceInitialization:
 
     @person_sized
     def start(self, frame: Frame, scene: Scene, stages: Stages) -> Start:
-        """The poses of all who are sought; see `tracker.tracking.initialization.Initialization.start`."""
+        """The poses of all persons sought; see `tracker.tracking.initialization.Initialization.start`."""
         sought = [k for k in range(len(scene.persons)) if k not in stages.held]
         edges = direction_images(frame, self.reach)
         if edges.empty:
-            raise InitializationError(f"frame {frame.index}: the images have no edges, nobody can be looked for")
+            raise InitializationError(f"frame {frame.index}: the images have no edges, so no person can be found")
         near = whereabouts(frame, scene, stages) if len(sought) > 1 else [last_seen(scene, sought[0], stages)]
         try:
             return self._found(frame, scene, stages, edges, near)
         except InitializationError:
             if len(sought) > 1 or stages.seen_before:
                 raise
-            # Who stands on floor that no view shows, and is hidden by a board in one.
+            # For a person on floor that no view shows, hidden by a board in one.
             with contextlib.suppress(InitializationError):
                 near = [where._replace(partly=True) for where in whereabouts(frame, scene, stages)]
                 return self._found(frame, scene, stages, edges, near)
@@ -134,10 +134,10 @@ class StanceInitialization:
         edges: DirectionImages,
         near: Sequence[Whereabouts | None],
     ) -> Start:
-        """The poses of all who are sought, near where they may be.
+        """The poses of all persons sought, near their possible places.
 
         Raises:
-            InitializationError: there may be nobody.
+            InitializationError: there may be no person.
         """
         sought = [k for k in range(len(scene.persons)) if k not in stages.held]
         clues = [Clues(edges) if one is None else Clues(edges, one.moved, one.partly) for one in near]
@@ -150,7 +150,7 @@ class StanceInitialization:
         for k, clue in zip(sought, clues, strict=True):
             others = with_held(scene, k, tuple(other for other in range(len(scene.persons)) if other != k))
             if len(sought) > 1:
-                # Whom the others hide was judged before they were found.
+                # A person whom others hide was judged before they were found.
                 stages = stages.counting(f"start: {scene.persons[k].name} beside the others, pose", len(rankings[k]))
                 again = all_refined_on_edges(frame, others, stages, [one.q for one in rankings[k]])
                 rankings[k] = clue.ranked(others, again)
@@ -159,22 +159,22 @@ class StanceInitialization:
         return _start(scene, rankings, sure)
 
     def _sure(self, frame: Frame, scene: Scene, ranking: tuple[Hypothesis, ...], clues: Clues) -> float:
-        """Sureness of the best pose of a scene's last person; who moves is there, however little the edges say.
+        """Sureness of the best pose of a scene's last person; a moving person exists, however few edges there are.
 
         Raises:
-            InitializationError: it may be nobody.
+            InitializationError: it may be no person.
         """
         score = float(clues.scores(scene, ranking[0].q[None])[0])
         if not self._is_there(scene, ranking[0], clues):
             raise InitializationError(
-                f"frame {frame.index}: what is likest to a person has a score of {score:.2f} on the edges, expected at "
+                f"frame {frame.index}: the likeliest person has a score of {score:.2f} on the edges, expected at "
                 f"least {self.least_score:.2f}"
             )
         sure = sureness(ranking, clues.costs(scene, ranking)) * limbs_shown(ranking[0])
         return sure * min(max(score, 0.0) / self.least_score, 1.0)
 
     def _is_there(self, scene: Scene, best: Hypothesis, clues: Clues) -> bool:
-        """Whether a scene's last person is where the edges say so, or what moves."""
+        """Whether a scene's last person is where the edges are, or the movement."""
         if clues.moved.known:
             covered = clues.moved.covered(scene.persons[-1].body, best.q[None], scene.rig)
             if not clues.partly or float(covered[0]) >= LEAST_COVERED:
@@ -195,10 +195,10 @@ class StanceInitialization:
         return finalists([*ranking, back], self.finalists)  # however little speaks for it: frames after it may
 
     def _tried(self, frame: Frame, scene: Scene, stages: Stages, clues: Clues, near: Whereabouts | None) -> list[Array]:
-        """The poses (dof,) of the scene's last person that the edges speak for, the likeliest first."""
+        """The poses (dof,) of the scene's last person with the best scores on edges, the likeliest first."""
         body, candidates = scene.persons[-1].body, self._candidates(scene, near)
         if not len(candidates):
-            raise InitializationError(f"frame {frame.index}: two views do not show the person's whereabouts")
+            raise InitializationError(f"frame {frame.index}: two views do not show the person's surroundings")
         scores = _scored(scene, clues, candidates, stages.progress)
         best = different(body, candidates[np.argsort(-scores, kind="stable")], _AGAIN, _APART_M)
         finer = self._around(body, best)
@@ -224,12 +224,12 @@ class StanceInitialization:
         return self._posed_on(scene, places if near is None else near.hold(places), _WHOLE)
 
     def _cut_off_places(self, scene: Scene) -> Array:
-        """Places (N, 2) on the floor above which two views show the middle of a person who stands there, metres."""
+        """Places (N, 2) on the floor above which two views show the middle of a standing person, metres."""
         middle_m = self.floor_m + size_of(scene.persons[-1]).stature_m / 2
         return floor_places(scene.rig, middle_m, self.step_m, self.farthest_m)
 
     def _posed_on(self, scene: Scene, places: Array, least_shown: float) -> Array:
-        """(N, dof) all stances at places (P, 2) of which two views show so much, turned all ways."""
+        """(N, dof) all stances at places (P, 2) of which two views show enough, in all turns."""
         body = scene.persons[-1].body
         headings = np.radians(np.arange(-180.0, 180.0 - 1e-9, self.step_deg))
         poses = np.concatenate([turned(body, posed(body, stance), headings) for stance in self._stances(body)])
@@ -263,7 +263,7 @@ def _scored(scene: Scene, clues: Clues, poses: Array, progress: Progress) -> Arr
 
 
 def _start(scene: Scene, rankings: Mapping[int, tuple[Hypothesis, ...]], sure: Mapping[int, float]) -> Start:
-    """The start of the persons who were sought, the others where they are."""
+    """The start of the persons sought, the others unchanged."""
     every = range(len(scene.persons))
     return Start(
         tuple(person.q for person in scene.persons),

@@ -17,7 +17,7 @@ class Prediction(Protocol):
         """Candidate poses at a later time.
 
         Args:
-            body: whose joint limits the candidates respect.
+            body: gives the joint limits.
             history: poses so far, at least one.
             time_s: time to predict for, seconds.
 

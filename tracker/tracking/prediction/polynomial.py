@@ -15,18 +15,18 @@ from tracker.tracking.trajectory import KEPT, History
 class PolynomialPrediction:
     """Fits a polynomial to each parameter over the last frames (paper, section 4.2).
 
-    Lower degrees down to holding the last pose are offered as further candidates: constant acceleration
-    overshoots where a limb stops, holding lags where it swings.
+    Lower degrees down to holding the last pose are further candidates: constant acceleration overshoots where a limb
+    stops, holding lags where it swings.
     """
 
     degree: int = pydantic.Field(default=2, ge=0, le=3)
     """Degree of the preferred prediction: 2 constant acceleration, 1 constant velocity, 0 hold."""
 
     window: int = pydantic.Field(default=5, ge=1, le=KEPT)
-    """Number T of frames a polynomial of degree 2 or 3 is fitted to."""
+    """Number T of frames for a polynomial of degree 2 or 3."""
 
     velocity_window: int = pydantic.Field(default=3, ge=2, le=KEPT)
-    """Number of frames that constant velocity is fitted to."""
+    """Number of frames for constant velocity."""
 
     candidates: bool = True
     """Also offer the lower degrees."""

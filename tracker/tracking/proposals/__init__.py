@@ -1,4 +1,4 @@
-"""Proposals: ways to think of another pose of a person, one a file, each for a limb that may be elsewhere."""
+"""Proposals: methods that propose another pose of a person, one a file, each for a limb that may be elsewhere."""
 
 from __future__ import annotations
 
@@ -14,15 +14,14 @@ from tracker.tracking.objective import Objective
 from tracker.tracking.verdict import likelier
 
 PROMISING_PX = 2.5
-"""How much farther off than the pose at hand a proposed one may be, px, before it is refined: by contours alone, and
-with the colours of parts counted. Of 8496 poses that six recordings proposed 6399 were nearer with colours, and of the
-273 that were taken in the end 264. The true place of a leg that was put into the other one, where it has no contour to
-be wrong, costs 1.05 px more by contours. See docs/lab/part_colours.md, docs/lab/one_comparison.md and
-docs/lab/vain_searches.md."""
+"""Largest excess of a proposed pose's distance over the present one's before it is refined, px: by contours alone, and
+with the colours of parts. Of 8496 poses that six recordings proposed 6399 were nearer with colours, and of the 273
+accepted in the end 264. If a leg lies in the other one, where it has no contour to be wrong, its true place costs 1.05
+px more by contours. See docs/lab/part_colours.md, docs/lab/one_comparison.md and docs/lab/vain_searches.md."""
 
 
 class Proposal(Protocol):
-    """One way to think of a pose."""
+    """One method that proposes poses."""
 
     def __call__(self, objective: Objective, q: Array, limb: str) -> tuple[Array, int]:
         """Other poses, the likeliest first.
@@ -33,14 +32,14 @@ class Proposal(Protocol):
             limb: group of parameters that may be wrong.
 
         Returns:
-            (N, dof) poses inside the joints' limits, to be refined; none where the way leads nowhere. And the number of
-            poses evaluated to find them.
+            (N, dof) poses inside the joints' limits, to be refined; empty if there are none. And the number of poses
+            evaluated for them.
         """
         ...
 
 
 def promising(objective: Objective, poses: Array, q: Array) -> Array:
-    """Those of some poses (N, dof) that a refinement may bring below the one at hand (dof,), the nearest ones first."""
+    """Those of some poses (N, dof) that a refinement may bring below the present one (dof,), the nearest ones first."""
     distances = objective(np.concatenate([q[None], poses]))
     order = np.argsort(distances[1:], kind="stable")
     found: Array = poses[order[distances[1:][order] < distances[0] + PROMISING_PX]]
@@ -48,7 +47,7 @@ def promising(objective: Objective, poses: Array, q: Array) -> Array:
 
 
 def tried(objective: Objective, estimate: Estimate, limb: str, propose: Proposal, refinement: Estimation) -> Estimate:
-    """The estimate, or the likeliest of what is proposed of a limb once that is refined."""
+    """The estimate, or the likeliest proposed pose of a limb, refined."""
     poses, n_evaluations = propose(objective, estimate.q, limb)
     deciding = objective.deciding_px(np.concatenate([estimate.q[None], poses]))
     for q in poses[deciding[1:] < deciding[0] + PROMISING_PX]:

@@ -1,4 +1,4 @@
-"""A limb may be anywhere that its joints allow: where contours, and the colours of parts, speak for it."""
+"""A limb may be anywhere that its joints allow: contours, and the colours of parts, decide."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from tracker.foundation.geometry import halton
 from tracker.tracking.objective import Objective
 from tracker.tracking.proposals import promising
 
-# Places of a limb over all its joints allow; how many of the nearest ones are looked at for colours, and how many of
-# these are refined. See docs/lab/part_colours.md.
+# Number of places of a limb over all that its joints allow; of the nearest ones that are compared by colours, and of
+# those that are refined. See docs/lab/part_colours.md.
 _TRIED, _LOOKED_AT, _REFINED = 600, 24, 6
 # Limits that leave a joint less than this leave its limb about where it is.
 _WIDE_RAD = np.radians(89.0)
@@ -42,7 +42,7 @@ def _over_all_places(body: BodyModel, q: Array, group: str) -> Array:
 
 
 def _leads_far(body: BodyModel, columns: Integers, group: str) -> Mask:
-    """(N,) whether parameters of a limb turn far, and more than its last part alone."""
+    """(N,) whether parameters of a limb turn far, and move more than its last part alone."""
     parts = np.flatnonzero(body.parts_of(group))
     moves = body.moves[np.ix_(columns, body.part_parameters[parts])]
     wide = np.ptp(body.limits[columns], axis=1) > _WIDE_RAD
@@ -51,7 +51,7 @@ def _leads_far(body: BodyModel, columns: Integers, group: str) -> Mask:
 
 
 def _different(body: BodyModel, poses: Array, group: str) -> Array:
-    """The first (n, dof) of some poses (N, dof) whose limbs are in different places."""
+    """The first (n, dof) of some poses (N, dof) with limbs in different places."""
     joints = body.landmarks_in_world(poses)[:, body.landmarks_of(group)]
     left = np.arange(len(poses))
     chosen: list[int] = []

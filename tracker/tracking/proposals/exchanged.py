@@ -1,4 +1,4 @@
-"""A limb and its partner on the other side are taken for each other."""
+"""Exchanges a limb with its partner on the other side."""
 
 from __future__ import annotations
 
