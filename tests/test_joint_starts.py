@@ -112,7 +112,7 @@ def test_who_is_who_is_told_by_name(body: BodyModel, views: Rig, tmp_path: Path)
             "2 of the joints are landmarks of model",
         ),
         (lambda joints: {name: 1000 * point for name, point in joints.items()}, "they must be in metres"),
-        (lambda joints: dict.fromkeys(joints, ("", "", "")), "no joint in it has a place"),
+        (lambda joints: dict.fromkeys(joints, ("", "", "")), "no joint in it has a position"),
         (lambda joints: dict.fromkeys(joints, ("a", 0, 0)), '"x" is .a., expected a finite number'),
     ],
 )

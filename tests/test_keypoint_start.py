@@ -227,7 +227,7 @@ def test_who_is_looked_for_is_not_who_is_held(scene: Scene, stages: Stages, body
     gap = body.landmarks_in_world(start.poses[0]) - body.landmarks_in_world(scene.persons[0].q)
     assert np.linalg.norm(gap, axis=1).mean() < 0.03
     pattern = written([view[1:] for view in views], scene.rig.names, tmp_path / "held alone")
-    with pytest.raises(InitializationError, match="agree on 0 beside those whose poses are known"):
+    with pytest.raises(InitializationError, match="agree on 0 beside those with known poses"):
         KeypointInitialization(path=pattern).start(frame, lost, held)
 
 

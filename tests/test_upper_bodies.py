@@ -117,11 +117,11 @@ def test_a_man_at_his_desk_is_found(scene: Scene, upper: BodyModel, quick: AutoI
 
 def test_an_upper_body_needs_no_floor(scene: Scene) -> None:
     told = AutoInitialization().check(scene, (None,) * 4)
-    assert told == "an upper body, where what moves has its tops; no background plates"
+    assert told == "an upper body, at the tops of moving regions; no background plates"
 
 
 def test_where_nothing_stands_out_no_upper_body_is_found(scene: Scene) -> None:
     stages = Stages(CpuSynthesis(), AutoEvidence(), TwistIcpEstimation(), walls())
     empty = Frame(0, 0.0, tuple(np.full((240, 320, 3), WALL, np.uint8) for _ in RIG.cameras))
-    with pytest.raises(InitializationError, match="no top of what stands out is the head of somebody"):
+    with pytest.raises(InitializationError, match="no top of the foreground is a head"):
         PcaInitialization().start(empty, scene, stages)
