@@ -358,7 +358,7 @@ def test_a_model_is_refined_over_the_frames_of_a_run(tmp_path: Path) -> None:
     said: list[str] = []
     job = acquisition_from(table, "config.toml", folder, "one")
     result = acquire_to(job, tmp_path / "one.toml", lambda what, *_: said.append(what))
-    assert {"start: frame 0, person1 looked for", "tracking", "fitting shape and pose"} == set(said)
+    assert {"start: search for person1 in frame 0", "tracking", "fitting shape and pose"} == set(said)
     true = load_body(folder / "model.toml")
     places = {mark.name: mark.point for mark in true.landmarks}
     for bone in result.bones:

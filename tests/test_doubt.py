@@ -129,7 +129,7 @@ def test_a_start_that_is_rather_wrong_than_right_is_told(
         doubts, series = after_all([first, later, *others]), Series(truth)
         series.add(first)
         series.add(later)
-        words = f"{name}'s start pose is rather wrong than right (confidence 0.03), of 4 frames"
+        words = f"{name}'s start pose is more likely wrong than right (confidence 0.03), of 4 frames"
         assert doubts.sentence().startswith(words) == told
         assert doubts.none == (not doubtful)
         expected = {"frame": first.frame.index, "confidence": round(begun.start_confidence[0], 3)}

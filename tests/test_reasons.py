@@ -43,13 +43,13 @@ def test_the_last_line_says_why(truth: Scene, observation: Observation) -> None:
     gone = in_doubt(sure, whole=True).losing(Doubt("", Because.FEW_VIEWS, 1, 2))
     rows = [[sure], [arm], [arm], [gone], [arm.doubting((Doubt("left_arm", Because.JUMP, 0.3, 0.1),))]]
     assert after_all(steps_of(truth, observation, rows)).why() == (
-        "4 of 5 frames in doubt: 3 left arm: it is rather elsewhere than where it is told, 1 left arm: it "
+        "4 of 5 frames in doubt: 3 left arm: it is more likely elsewhere than at its place, 1 left arm: it "
         "jumps from one frame to another, 1 lost: too few views show it"
     )
     name, pairs = truth.persons[0].name, [(arm, sure), (sure, gone)]
     assert after_all(steps_of(truth, observation, pairs)).why() == (
-        f"2 of 2 frames in doubt: 1 {name}'s left arm: it is rather elsewhere than where it is told, 1 other lost: too "
-        "few views show it"
+        f"2 of 2 frames in doubt: 1 {name}'s left arm: it is more likely elsewhere than at its place, 1 other lost: "
+        "too few views show it"
     )
     assert after_all(steps_of(truth, observation, [[sure]])).why() == ""
     many = sure.doubting(

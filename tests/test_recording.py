@@ -301,7 +301,7 @@ def test_the_report_tells_of_a_start_that_is_rather_wrong(recorded, tmp_path, co
     begun = replace(steps[0], start=None, told_confidence=(confidence,))
     record(Report(player=False), (scene, [begun, steps[1]]), tmp_path)
     page = " ".join((tmp_path / "report.html").read_text().split())
-    assert ("is rather wrong than right (confidence 0.06)" in page) == told
+    assert ("is more likely wrong than right (confidence 0.06)" in page) == told
 
 
 def test_somebody_of_whom_a_view_shows_a_single_sample_is_pictured(recorded, tmp_path):

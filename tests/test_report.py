@@ -81,7 +81,7 @@ def test_a_start_that_is_rather_wrong_is_a_doubt_though_no_frame_is_in_any(tmp_p
     movement = sure()
     steps = [replace(movement.steps[0], told_confidence=(0.06,)), *movement.steps[1:]]
     page = page_of(replace(movement, steps=steps), tmp_path)
-    assert "is rather wrong than right (confidence 0.06)" in page
+    assert "is more likely wrong than right (confidence 0.06)" in page
     assert "Nothing is in doubt" not in page
     assert "frames are in doubt" not in page
 

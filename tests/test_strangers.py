@@ -174,7 +174,7 @@ def test_one_of_two_is_tracked_and_the_other_is_told(both: Simulation, steps: li
         assert not step.untrusted, "before, foregrounds of two persons were too large for one"
         assert replay_of(line_of(step).encode()).strangers
         doubts = doubts.after(step)
-    assert doubts.sentence().endswith("; somebody else beside in 6 (frames 0-5)")
+    assert doubts.sentence().endswith("; another person beside in 6 (frames 0-5)")
 
 
 def test_an_interrupted_run_goes_on_as_if_it_had_not_been(both: Simulation, cycle: Cycle, steps: list[Step]) -> None:

@@ -1,4 +1,4 @@
-"""Frames tracked backwards in time, from one in which the poses are known."""
+"""Tracks frames backwards in time, from one with known poses."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from tracker.tracking.rehearsal import Reopen
 from tracker.tracking.trajectory import History, Replay, Step
 
 _MOST_BYTES = 2**28
-"""Of images held while frames are followed back; with larger ones the recording is decoded in several goes."""
+"""Limit on images held during the way back; with larger images the recording is decoded several times."""
 
 
 def frames_before(last: Frame, first: int, reopen: Reopen) -> Iterator[Frame]:
     """The frames before one, the latest first.
 
     Args:
-        last: that one.
-        first: number of the frame to end with.
-        reopen: opens the sequence anew; it is decoded several times where its images are large.
+        last: the frame after them.
+        first: number of the last frame of the way back.
+        reopen: opens the sequence anew; large images are decoded several times.
     """
     n_bytes = sum(image.nbytes for image in last.images if image is not None)
     at_once = max(_MOST_BYTES // max(n_bytes, 1), 1)
@@ -54,11 +54,11 @@ def tracked_back(
 
     Args:
         frames: the latest first.
-        step: that of the frame after them.
-        state: that at this frame, see `turned`.
+        step: of the frame after them.
+        state: at this frame, see `turned`.
         cycle: the components.
-        turn_s: predictions are made for a time that goes on, this one less a frame's.
-        others: frame -> what was found there in another way; poses are weighed against it.
+        turn_s: sum of the two times; a frame's time on the way back is this minus its own.
+        others: frame -> the result of another way; poses are weighed against it.
     """
     for frame in frames:
         sight = Sight(replace(frame, time_s=turn_s - frame.time_s), cycle.plates, step.model_px)
@@ -70,11 +70,11 @@ def tracked_back(
 
 
 def turned(state: State, step: Step) -> State:
-    """A state that goes back in time from a step, which is at 0 s then: what was learned stays, histories begin anew.
+    """A state that goes back in time from a step, which is at 0 s then: knowledge stays, histories begin anew.
 
     Args:
         state: behind the step.
-        step: who is lost in it is looked for where he was seen last.
+        step: a person lost in it is searched at the last known place.
     """
     known = (None if one.lost else History.start(0.0, one.q) for one in step.estimates)
     return replace(state, histories=tuple(known))

@@ -27,24 +27,24 @@ from tracker.tracking.trajectory import Step
 
 # See docs/lab/first_edges.md.
 _ROUNDS = 4
-"""How often a frame is looked at around the poses found, at most, while limbs are found elsewhere."""
+"""Largest number of observations around the poses found, while limbs move."""
 
 
 def bootstrap(
     sight: Sight, scene: Scene, cycle: Cycle, give_up: bool = False, choose: Callable[[Start], Start] | None = None
 ) -> Step:
-    """Finds all persons without a prediction; a step of lost persons where none can be found.
+    """Finds all persons without a prediction; returns a step of lost persons if it cannot.
 
     Args:
         sight: the images.
         scene: the persons and the rig.
         cycle: the components.
         give_up: raise instead of reporting the persons lost.
-        choose: has the last word on what was found.
+        choose: makes the final choice.
 
     Raises:
-        InitializationError: nothing was found and `give_up` is set.
-        GivenUpError: nothing was found in the time that may be spent.
+        InitializationError: no pose was found and `give_up` is set.
+        GivenUpError: no pose was found in the allowed time.
     """
     clock = Clock()
     start: Start | None = None
@@ -75,16 +75,16 @@ def bootstrap(
 
 
 def first_start(frame: Frame, scene: Scene, cycle: Cycle) -> Start:
-    """The start of a run in a frame; who was looked for in vain in the same frame before is not looked for again.
+    """The start of a run in a frame; the same search is not repeated in a frame where it was in vain.
 
     Args:
         frame: the images.
         scene: the persons and the rig.
-        cycle: the components; its loss rule says what all such searches of a run may cost.
+        cycle: the components; its loss rule limits the cost of all such searches of a run.
 
     Raises:
-        InitializationError: nobody was found.
-        GivenUpError: the time that may be spent is over.
+        InitializationError: no person was found.
+        GivenUpError: the allowed time is over.
     """
     if (known := cycle.before.start_in(frame.index)) is not None:
         return known
@@ -93,7 +93,7 @@ def first_start(frame: Frame, scene: Scene, cycle: Cycle) -> Start:
     if why := patience.why_not(frame.index, asked):
         raise InitializationError(why)
     with patience.spending(cycle.loss.start_within_s, cycle.progress) as watched:
-        watched(f"start: frame {frame.index}, {' and '.join(person.name for person in scene.persons)} looked for")
+        watched(f"start: search for {' and '.join(person.name for person in scene.persons)} in frame {frame.index}")
         try:
             return cycle.initialization.start(frame, scene, replace(stages, progress=watched))
         except InitializationError as error:
@@ -102,7 +102,7 @@ def first_start(frame: Frame, scene: Scene, cycle: Cycle) -> Start:
 
 
 def unfound(sight: Sight, scene: Scene, cycle: Cycle, clock: Clock | None = None) -> Step:
-    """A frame in which nobody is looked for, or found.
+    """A frame without a search, or in which it was in vain.
 
     Args:
         sight: the images.
@@ -118,11 +118,11 @@ def unfound(sight: Sight, scene: Scene, cycle: Cycle, clock: Clock | None = None
 
 
 def _settled_where_found(sight: Sight, scene: Scene, cycle: Cycle) -> tuple[tuple[Estimate, ...], Scene]:
-    """Estimates of all persons, the images looked at anew around them until no limb is elsewhere than expected.
+    """Estimates of all persons; the images are observed anew around them until no limb moves any more.
 
-    Edges are looked for near contours expected, so that the true place of a limb has fewer than the one it was found
-    in: a leg that was started kicking (7.2 px) came down by half (8.0 px), and looked at there it hangs as it does
-    (6.2 px). With one look it was up in 43 frames.
+    Edges are found near expected contours, so that a limb's true place has fewer of them than its present one. A leg
+    that was started kicking (7.2 px) came down by half (8.0 px); with another observation there it hangs as it does
+    (6.2 px). With one observation it was up in 43 frames.
     """
     everybody = range(len(scene.persons))
     for _ in range(_ROUNDS):
@@ -137,7 +137,7 @@ def _settled_where_found(sight: Sight, scene: Scene, cycle: Cycle) -> tuple[tupl
 
 
 def _of_nobody(scene: Scene, cycle: Cycle, observed: Observed) -> tuple[Estimate, ...]:
-    """Estimates of persons of whom nothing is known."""
+    """Estimates of persons without any information."""
     estimates = []
     for k, person in enumerate(scene.persons):
         objective = objective_of(scene, k, cycle, observed)

@@ -1,4 +1,4 @@
-"""When another search is worth its time: after each one in vain the wait is longer."""
+"""When another search is worth its time: the wait grows after each one in vain."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True)
 class Tries:
-    """Searches for a person, or for a limb, that is in doubt."""
+    """Searches for a doubtful person or limb."""
 
     vain: int = 0
-    """Searches one after the other that have not ended the doubt."""
+    """Consecutive searches that have not ended the doubt."""
 
     frames: int = 0
-    """Frames since the last one; without one, since the doubt began."""
+    """Frames since the last search; without one, since the doubt began."""
 
     share: float = 0.0
-    """Of a limb: what the last search in vain has left over."""
+    """Left-over share after the last search in vain, for a limb."""
 
     def due(self, wait: int, first: int = 0, growth: int = 2, most: int = 1 << 30) -> bool:
-        """Whether it is time for the next search.
+        """Whether the next search is due.
 
         Args:
             wait: frames after the first search in vain.
             first: frames before the first search.
-            growth: how many times as long the wait is after each further search in vain.
-            most: most frames.
+            growth: factor of the wait after each further search in vain.
+            most: largest wait, frames.
         """
         return self.frames >= (min(wait * growth ** (self.vain - 1), most) if self.vain else first)
 
     def after(self, searched: bool, share: float = 0.0) -> Tries:
-        """One frame on, in which doubt is left, and what is left over of a limb that was searched."""
+        """The searches after another frame with doubt, and the left-over share of a searched limb."""
         return Tries(self.vain + 1, 1, share) if searched else replace(self, frames=self.frames + 1)

@@ -11,18 +11,18 @@ class Clock:
     """Seconds spent in each stage of one frame."""
 
     def __init__(self, spent: Mapping[str, float] | None = None) -> None:
-        """With seconds already spent."""
+        """Begins with given seconds."""
         self.seconds: dict[str, float] = dict(spent or {})
 
     def move(self, stage: str, other: str, seconds: float) -> None:
-        """Books some of a stage's time to another one."""
+        """Moves some of a stage's time to another one."""
         if seconds > 0:
             self.seconds[stage] -= seconds
             self.seconds[other] = self.seconds.get(other, 0.0) + seconds
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
-        """Books the time spent in the block."""
+        """Adds the time of the block."""
         begin = time.perf_counter()
         try:
             yield

@@ -1,4 +1,4 @@
-"""Persons who come in long after the first frame: those before they are looked for are tracked back from there."""
+"""Persons who come in long after the first frame: the run tracks the frames before back from there."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ from tracker.tracking.windows import Pass, both_ways, length_of_windows, windows
 
 # See docs/lab/coming_in.md.
 _GONE_S = 2.0
-"""How long everybody is lost, on the way back, when nobody was there before: a way behind a pillar is shorter."""
+"""Time without any person, on the way back, that ends it: the way behind a pillar is shorter."""
 
 _LONGEST = 50
-"""Frames tracked back at a time: fewer than of other windows, for nobody may be there any more."""
+"""Frames tracked back at a time: fewer than in other windows, because there may be no person any more."""
 
 
 def before_all(steps: Sequence[Step], at: Pass, begin: int, cycle: Cycle, reopen: Reopen) -> dict[int, Replay]:
-    """The frames before a window, as far back as anybody is there: in windows like others, the latest first.
+    """The frames before a window, as far back as a person is there: in windows like others, the latest first.
 
     Args:
         steps: those of the window.
-        at: where the first pass is behind them.
+        at: state of the first pass behind them.
         begin: number of the recording's first frame.
         cycle: the components.
         reopen: opens the sequence anew.
 
     Returns:
-        Frame -> estimates; frames before anybody has come in are not among them.
+        Frame -> estimates; frames before the first person came in are missing.
     """
     first = steps[0]
     turn_s, seen_s = first.frame.time_s, next((step.frame.time_s for step in steps if _anybody(step)), np.inf)
@@ -62,9 +62,9 @@ def before_all(steps: Sequence[Step], at: Pass, begin: int, cycle: Cycle, reopen
 
 
 def _turned(at: Pass, steps: Sequence[Step], cycle: Cycle) -> Pass:
-    """A pass that goes back in time from the first of some steps, having gone through them."""
+    """A pass that goes back in time from the first of some steps, after all of them."""
     first = steps[0]
-    # what is followed from image to image is in the last one: it is taken up anew in the first
+    # followed places are those of the last image: the first image takes them up anew
     at_first = at.state.after(Sight(first.frame, cycle.plates, first.model_px), first, cycle.evidence, cycle.loss)
     ways = zip(*(step.estimates for step in steps), strict=True)
     frames_lost = tuple(sum(1 for _ in itertools.takewhile(lambda one: one.lost, way)) for way in ways)
@@ -72,8 +72,8 @@ def _turned(at: Pass, steps: Sequence[Step], cycle: Cycle) -> Pass:
     troubles = tuple(Troubles.of_lost(n_frames, one, cycle.loss) for n_frames, one in losses)
     state = replace(turned(at_first, first), troubles=troubles)
     if state.nobody_found:
-        # lost in this very frame, as where it is dark: who is in those soon after it waits where he was seen last, or
-        # nobody would be looked for in all frames before
+        # a person lost in this very frame, as in the dark, but found soon after waits at the last known place;
+        # otherwise no frame before would be searched
         soon = sum(step.frame.time_s - first.frame.time_s < _GONE_S for step in steps)
         pairs = zip(first.estimates, frames_lost, strict=True)
         waiting = (History.start(0.0, one.q) if n_lost < soon else None for one, n_lost in pairs)
@@ -82,10 +82,10 @@ def _turned(at: Pass, steps: Sequence[Step], cycle: Cycle) -> Pass:
 
 
 def _told_forwards(steps: Sequence[Step]) -> list[Step]:
-    """Steps tracked back, the latest first, with those called found anew who were lost before, as time goes on.
+    """Steps tracked back, the latest first; persons lost before are called found anew, in the order of time.
 
-    On the way back it is in the last frame before somebody goes that he is found anew. Who comes in for the first time
-    was followed back to there.
+    On the way back a person is found anew in the last frame before leaving. A person who comes in for the first time
+    was followed back to that frame.
     """
     told = list(steps)
     for k in range(len(steps[0].estimates)):
@@ -111,7 +111,7 @@ def _anybody(step: Step) -> bool:
 def steps_of(
     replays: Mapping[int, Replay], numbers: Sequence[int], scene: Scene, cycle: Cycle, reopen: Reopen
 ) -> Iterator[Step]:
-    """The steps of frames from the recording's first one on; persons are lost in those of which nothing is known.
+    """The steps of frames from the recording's first one on; persons are lost in frames without estimates.
 
     Args:
         replays: frame -> estimates.

@@ -30,7 +30,7 @@ def _never() -> bool:
 
 @dataclass(frozen=True)
 class Cycle:
-    """The components of the cycle and the clean plates they may use."""
+    """The components of the cycle and its clean plates."""
 
     synthesis: Synthesis
     evidence: Evidence
@@ -40,35 +40,35 @@ class Cycle:
     loss: LossRule
     plates: tuple[Plate | None, ...]
     backdrops: Backdrops = no_backdrops
-    """What each view shows most of the time."""
+    """The most frequent colours of each view."""
 
     progress: Progress = silent
     leaving: Callable[[], bool] = _never
-    """Whether what takes several frames is to be ended."""
+    """Whether to end work that takes several frames."""
 
     patience: Patience = field(default_factory=Patience)
-    """What looking for the first pose has cost so far, here and in other cycles of the run."""
+    """Cost of the search for the first pose so far, here and in other cycles of the run."""
 
     nobody_before: int = 0
-    """Number of the first frame in which somebody is looked for."""
+    """Number of the first frame to search."""
 
     seeks: bool = True
-    """Whether who is lost, or long in doubt, is looked for anew."""
+    """Whether the search begins anew for persons who are lost, or long in doubt."""
 
     before: FoundBefore = field(default_factory=FoundBefore)
-    """What is known of the recording."""
+    """Earlier knowledge of the recording."""
 
     def knowing(
         self, known: Mapping[int, Sequence[Estimate]], start: Start | None = None, believed: bool = False
     ) -> Cycle:
-        """The cycle, which weighs what was found before in the first frames, and looks for nobody who was found there.
+        """The cycle that uses earlier results of the first frames, and searches for no person found there.
 
-        Unless somebody is in doubt in the first frame.
+        Except for a person in doubt in the first frame.
 
         Args:
-            known: frame -> what was found, in order.
-            start: how persons were found, in the first frame or a later one.
-            believed: however doubtful.
+            known: frame -> earlier results, in order.
+            start: the start of the persons, in the first frame or a later one.
+            believed: in spite of any doubt.
         """
         first, estimates = next(iter(known.items()))
         if any(one.lost or (not believed and doubted(one)) for one in estimates):
@@ -78,21 +78,21 @@ class Cycle:
 
     @property
     def stages(self) -> Stages:
-        """What the initialization may use: no plates that somebody stays before, who hardly stands out from them."""
+        """Tools of the initialization, without plates in which a person stays who hardly stands out from them."""
         plates = tuple(None if one is None or one.stays else one for one in self.plates)
         return Stages(self.synthesis, self.evidence, self.estimation, plates, self.backdrops, self.progress)
 
 
 @dataclass(frozen=True)
 class State:
-    """Everything that changes while tracking."""
+    """The changing data of tracking."""
 
     histories: tuple[History | None, ...]
     troubles: tuple[Troubles, ...]
-    """For how long each person has been lost, or in doubt."""
+    """Time for which each person has been lost, or in doubt."""
 
     memory: Memory = None
-    """What the evidence has learned."""
+    """Knowledge of the evidence."""
 
     @staticmethod
     def before(scene: Scene) -> State:
@@ -107,7 +107,7 @@ class State:
 
     @property
     def nobody_found(self) -> bool:
-        """Whether no person was found in any frame yet."""
+        """Whether no person was found in any frame so far."""
         return all(history is None for history in self.histories)
 
     def after(self, sight: Sight, step: Step, evidence: Evidence, loss: LossRule) -> State:

@@ -1,4 +1,4 @@
-"""One turn of the cycle: a frame's estimates from those of the frame before, or without."""
+"""One turn of the cycle: a frame's estimates, with or without those of the frame before."""
 
 from __future__ import annotations
 
@@ -41,17 +41,16 @@ def advance(
     rivals: Sequence[Estimate] = (),
     again: Sequence[Array | None] = (),
 ) -> Step:
-    """One frame: predict, expect, observe, estimate; lost persons are looked for anew.
+    """One frame: predict, expect, observe, estimate; the search begins anew for lost persons.
 
     Args:
-        sight: the images, perhaps with what was seen in them ahead.
+        sight: the images, perhaps with results computed in advance.
         scene: all persons at their last poses.
         cycle: the components.
         state: histories up to the frame before.
         clock: with the time spent on the frame before.
-        rivals: for each person what was found in another way in this frame; empty for nothing.
-        again: for each person the pose (dof,) that nothing but a refinement is tried from, unless doubt comes of it;
-            None and empty for none.
+        rivals: for each person the result of another way in this frame; empty for none.
+        again: for each person the pose (dof,) that is only refined, unless doubt remains; None and empty for none.
     """
     clock = clock or Clock()
     with clock("prediction"):
@@ -61,7 +60,7 @@ def advance(
         around = [np.vstack([poses, *(one.q for one in rivals[k : k + 1])]) for k, poses in enumerate(candidates)]
         expected = joined([cycle.synthesis.contours(predicted, k, poses) for k, poses in enumerate(around)])
     with clock("observation"):
-        if not state.anybody_lost:  # or they may be whom we look for
+        if not state.anybody_lost:  # or they may be the persons sought
             hide_strangers(sight, predicted, cycle.synthesis)
         observed = cycle.evidence.observe(sight, expected, state.memory)
     estimates, current = [], predicted
@@ -83,8 +82,8 @@ def advance(
             current = current.with_pose(k, estimates[k].q)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
     start = None
-    # who sits in somebody else's contours, or where no view shows him, is lost, or would be looked for anew in every
-    # frame, as if just found: 5 s each, of somebody who had not come in yet
+    # a person in another one's contours, or where no view shows anything, is lost; otherwise the search would begin
+    # anew in every frame: 5 s each, for a person who had not come in yet
     estimates = list(judged_in_space(current, tuple(estimates)))
     frames_lost = tuple(one.lost for one in state.troubles)
     estimates = still_lost(sight, current, cycle.synthesis, estimates, frames_lost, cycle.loss.least_views)
@@ -98,7 +97,7 @@ def advance(
 
 
 def _refined(objective: Objective, q: Array | None, cycle: Cycle) -> Estimate | None:
-    """The estimate from a pose that was found before; None without one, and where it is in doubt."""
+    """The estimate from an earlier pose; None without one, and if it is in doubt."""
     if q is None:
         return None
     estimate = judged_by(objective, cycle.estimation.estimate(objective, q[None]), cycle.loss)
@@ -119,9 +118,9 @@ def settled(
         scene: the persons.
         cycle: the components.
         observed: by the evidence.
-        found: what becomes of who is not lost.
-        colours: those of the frame, found once.
-        whom: persons whose limbs are looked for wherever they may be, by these colours as well.
+        found: status of persons who are not lost.
+        colours: of the frame, computed once.
+        whom: persons whose limbs are searched wherever they may be, also by these colours.
     """
     estimates = []
     for k, person in enumerate(scene.persons):
@@ -135,17 +134,17 @@ def settled(
 
 
 def objective_of(scene: Scene, k: int, cycle: Cycle, observed: Observed, history: History | None = None) -> Objective:
-    """What poses of a scene's person k are judged by, the others where they are."""
+    """The objective of a scene's person k, with the others in place."""
     return Objective(Comparison(scene, k, cycle.synthesis, observed), cycle.evidence, history).by_surface()
 
 
 def judged_by(objective: Objective, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
-    """The estimate with its status and all that is in doubt about it."""
+    """The estimate with its status and all doubts."""
     return with_vague_limbs(objective, judged(objective.body, estimate, loss, found), loss.elsewhere_px)
 
 
 def _predictions(scene: Scene, cycle: Cycle, state: State, time_s: float) -> list[Array]:
-    """Candidate poses of each person; one that is lost waits where it was seen last."""
+    """Candidate poses of each person; a lost person waits at the last known place."""
     candidates = []
     for person, history, so_far in zip(scene.persons, state.histories, state.troubles, strict=True):
         if history is None or so_far.lost:
@@ -158,7 +157,7 @@ def _predictions(scene: Scene, cycle: Cycle, state: State, time_s: float) -> lis
 def _recover(
     sight: Sight, scene: Scene, cycle: Cycle, state: State, estimates: list[Estimate], sought: list[int]
 ) -> tuple[Scene, list[Estimate], Start | None]:
-    """Initializes anew and takes over the poses of the persons sought where they explain the images better."""
+    """Initializes the persons sought anew, and accepts poses that explain the images better."""
     recovered = list(estimates)
     for k in sought:
         if not recovered[k].lost and state.troubles[k].lost:

@@ -1,4 +1,4 @@
-"""Why a pose is doubted: a closed list of reasons, each given where the decision is made; see docs/doubt.md."""
+"""The reasons of doubt: a closed list; each decision gives its reason; see docs/doubt.md."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from tracker.foundation.errors import SequenceError
 
 
 class Because(StrEnum):
-    """A reason: the word that tables have, in a few more words, and in what its value and limit are told."""
+    """A reason: its word in tables, its phrase, and the unit of its value and limit."""
 
     phrase: str
-    """For a line of text, behind the name of a limb or a person."""
+    """Phrase for a line of text, behind the name of a limb or a person."""
 
     unit: str
-    """`%` of a share, `m`, `px`, or empty for a number of things."""
+    """`%` for a share, `m`, `px`, or empty for a number of things."""
 
     def __new__(cls, word: str, phrase: str = "", unit: str = "") -> Because:
         """A member of the list."""
@@ -28,17 +28,17 @@ class Because(StrEnum):
     NOT_FOUND = "not_found", "nobody was found"
     UNEXPLAINED = "unexplained", "too little of the contour lies on edges of the images", "%"
     FEW_VIEWS = "few_views", "too few views show it"
-    SAME_PLACE = "same_place", "somebody else stands in the same place", "%"
+    SAME_PLACE = "same_place", "another person stands in the same place", "%"
     LEFT_OVER = "left_over", "model and images leave over too much of each other's contour", "%"
-    UNSURE_START = "unsure_start", "the start is rather wrong than right, and no frame has confirmed it", "%"
-    IMPROBABLE = "improbable", "it is rather elsewhere than where it is told", "%"
-    TWO_POSES = "two_poses", "two poses explain the images alike", "px"
+    UNSURE_START = "unsure_start", "the start is more likely wrong than right, and no frame has confirmed it", "%"
+    IMPROBABLE = "improbable", "it is more likely elsewhere than at its place", "%"
+    TWO_POSES = "two_poses", "two poses explain the images almost equally well", "px"
     JUMP = "jump", "it jumps from one frame to another", "m"
     UNTOLD = "untold", "an older version of the program kept no reason"
-    BRIDGED = "bridged", "an older version led it evenly past where it was found", "m"
+    BRIDGED = "bridged", "an older version interpolated it across frames in which it was not found", "m"
     MOST_LIMBS = "most_limbs", "an older version found that most limbs may be elsewhere"
-    IMPRECISE = "imprecise", "an older version found that the images hardly tell where a joint lies", "m"
-    HARDLY_SEEN = "hardly_seen", "an older version kept only that the images tell little of it"
+    IMPRECISE = "imprecise", "an older version found that the images hardly show the place of a joint", "m"
+    HARDLY_SEEN = "hardly_seen", "an older version kept only that the images show little of it"
 
 
 _LOSING = frozenset((Because.NOT_FOUND, Because.UNEXPLAINED, Because.FEW_VIEWS, Because.SAME_PLACE))
@@ -47,31 +47,31 @@ _VAGUE = frozenset((Because.IMPROBABLE, Because.TWO_POSES, Because.IMPRECISE, Be
 
 @dataclass(frozen=True)
 class Doubt:
-    """One reason why a person's pose, or a limb of it, may be wrong; whose pose it is the estimate's place tells."""
+    """One reason why a person's pose, or a limb of it, may be wrong; its estimate belongs to the person."""
 
     limb: str
     """Parameter group, for instance `left_arm`; empty for the person as a whole."""
 
     because: Because
     value: float | None = None
-    """What was measured, as a share, in metres or px, or as a number; None where nothing is."""
+    """Measured value, as a share, in metres or px, or a number; None without a measurement."""
 
     limit: float | None = None
-    """What it is compared with."""
+    """Its limit."""
 
     @property
     def loses(self) -> bool:
-        """Whether the person is lost by it."""
+        """Whether the person is lost because of it."""
         return not self.limb and self.because in _LOSING
 
     @property
     def vague(self) -> bool:
-        """Whether nothing speaks against the limb, but the images tell little of its place."""
+        """Whether nothing contradicts the limb, but the images show little of its place."""
         return self.because in _VAGUE
 
     @property
     def measured(self) -> str:
-        """Value and limit in words: `41 %, limit 30 %`; empty where nothing is measured."""
+        """Value and limit in words: `41 %, limit 30 %`; empty without a measurement."""
         if self.value is None or self.limit is None:
             return ""
         return f"{self._in_units(self.value)}, limit {self._in_units(self.limit)}"
@@ -92,11 +92,10 @@ class Doubt:
 
     @staticmethod
     def of_row(row: list[str | float | None]) -> Doubt:
-        """What `as_row` gave.
+        """The inverse of `as_row`.
 
         Raises:
-            SequenceError: a number that is not finite.
-            ValueError, TypeError: no such row.
+            SequenceError: a number that is not finite. ValueError, TypeError: not such a row.
         """
         limb, because, *numbers = row
         value, limit = (None if number is None else float(number) for number in numbers)
@@ -106,7 +105,7 @@ class Doubt:
 
 
 def in_words(doubts: Iterable[Doubt]) -> str:
-    """Doubts in a line: `left arm, left leg: two poses explain the images alike`; empty without any."""
+    """Doubts in a line: `left arm, left leg: two poses explain the images almost equally well`; empty without any."""
     limbs: dict[Because, list[str]] = {}
     for doubt in doubts:
         limbs.setdefault(doubt.because, []).append(doubt.where)

@@ -1,4 +1,4 @@
-"""What a run doubts of its own result: in which frames, and where to look."""
+"""A run's doubts about its own result: in which frames, and where to look."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ from tracker.tracking.trajectory import Step
 _MOST_RANGES, _MOST_REASONS = 4, 4
 
 _APART_S = 0.25
-"""Time that frames of a list lie apart: one bad moment is one entry."""
+"""Least time between frames of a list: one bad moment is one entry."""
 
 
 class Judged(NamedTuple):
-    """How far a person's pose in a frame is to be believed."""
+    """Reliability of a person's pose in a frame."""
 
     status: str
     n_ambiguous: int
-    """Limbs that may be elsewhere."""
+    """Number of limbs that may be elsewhere."""
 
     explained: float
-    """Share of the visible contour."""
+    """Explained share of the visible contour."""
 
 
 def worst_first(
     times_s: Sequence[float], judged: Sequence[Sequence[Judged]], n_most: int = 12
 ) -> list[tuple[int, int]]:
-    """Frames to look at, the worst first: lost, doubtful, with ambiguous limbs, then least explained.
+    """Frames to check, the worst first: lost, doubtful, with ambiguous limbs, then least explained.
 
     Args:
         times_s: (T,) seconds.
         judged: (T, P) all persons in all frames.
-        n_most: how many at most.
+        n_most: largest number.
 
     Returns:
         Positions of frame and person; those of one person lie some time apart.
@@ -61,18 +61,18 @@ def worst_first(
 
 
 _MOST_DOUBTED = 0.6
-"""Share of frames in doubt from which on the input is asked about. A woman whom a passer-by and a board hide, tracked 8
-mm off, has 0.58 at most, single limbs counted as well; with cupboards before the person in two of four views, in wrong
-poses, it is 0.9 to 1."""
+"""Share of frames in doubt from which on the run asks about the input. A woman hidden by a passer-by and a board,
+tracked 8 mm off, has at most 0.58, counting single limbs as well; with cupboards before the person in two of four
+views, in wrong poses, it is 0.9 to 1."""
 
 
 @dataclass(frozen=True)
 class Doubts:
-    """Frames that are not to be used as they are."""
+    """Frames that need a check before use."""
 
     n_frames: int = 0
     n_views: int = 0
-    """Of the rig."""
+    """Names of the rig's views."""
 
     lost: tuple[int, ...] = ()
     """Numbers of the frames in which a person is lost."""
@@ -81,10 +81,10 @@ class Doubts:
     """Numbers of the frames in which a person is doubtful, and none is lost."""
 
     persons: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    """Of several persons, who is lost or doubtful -> frames."""
+    """Of several persons, the lost or doubtful one -> frames."""
 
     ambiguous: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    """Limb, with the person's name where there are several -> frames in which it may be elsewhere."""
+    """Limb, with the person's name if there are several -> frames in which it may be elsewhere."""
 
     untrusted: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """View -> frames in which its foreground was not used."""
@@ -93,10 +93,10 @@ class Doubts:
     """View -> frames without an image of it."""
 
     hidden: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    """Limb, and the view that something hides it from -> frames. Others show it: no doubt, but good to know."""
+    """Limb, and the view that something hides it from -> frames. Others show it: information, not a doubt."""
 
     strangers: tuple[int, ...] = ()
-    """Frames in which somebody who is none of the persons is beside them. No doubt, but good to know."""
+    """Frames in which another person is beside the tracked ones. Information, not a doubt."""
 
     turned_round: tuple[str, ...] = ()
     """Persons whose given start pose fits less well than the same turned round."""
@@ -105,25 +105,25 @@ class Doubts:
     """Whether persons were found by two cameras alone that face each other, see `Step.may_face_the_other_way`."""
 
     confidences: Mapping[str, float] = field(default_factory=dict)
-    """Who was found in the first start -> how often starts like it are right, see `start.confidence`."""
+    """Person found in the first start -> share of such starts that are right, see `start.confidence`."""
 
     found: frozenset[str] = frozenset()
     """Names of the persons found so far."""
 
     grave: tuple[int, ...] = ()
-    """Frames in which more than a single limb of a person is in doubt, or who has come in is lost."""
+    """Frames in which more than a single limb of a person is in doubt, or a person who has come in is lost."""
 
     n_before: int = 0
-    """Frames at the beginning in which nobody is: all persons are lost."""
+    """Frames at the beginning without persons: all are lost."""
 
     why_unfound: str = ""
-    """Why nobody was found in the last frame in which somebody was looked for."""
+    """Why no person was found in the last searched frame."""
 
     n_in_doubt: int = 0
-    """Frames in which anybody is lost or doubtful, or a limb may be elsewhere."""
+    """Frames with a lost or doubtful person, or an ambiguous limb."""
 
     reasons: Mapping[tuple[str, Because], int] = field(default_factory=dict)
-    """Limb, or `lost` or `doubtful`, with the person's name where there are several, and the reason -> frames."""
+    """Limb, or `lost` or `doubtful`, with the person's name if there are several, and the reason -> frames."""
 
     def after(self, step: Step) -> Doubts:
         """The doubts one frame on."""
@@ -157,33 +157,33 @@ class Doubts:
 
     @property
     def none(self) -> bool:
-        """Whether there is nothing to look at."""
+        """Whether there is nothing to check."""
         starts = self.turned_round or self.unfaced or self.unlikely
         return not (self.lost or self.doubtful or self.ambiguous or starts)
 
     @property
     def nobody(self) -> bool:
-        """Whether everybody is lost in every frame."""
+        """Whether every person is lost in every frame."""
         return self.n_frames > 0 and not self.found
 
     @property
     def unlikely(self) -> tuple[str, ...]:
-        """Persons whose start pose is rather wrong than right, but for those whose given one is told to be so."""
+        """Persons whose start is more likely wrong than right, except those with a warning about their given pose."""
         told = self.turned_round
         return tuple(who for who, sure in self.confidences.items() if sure < RATHER_RIGHT and who not in told)
 
     def advice(self) -> str:
-        """What to do where so much is in doubt that it is no single limb's affair; empty where it is not.
+        """Advice if more is in doubt than a single limb; empty otherwise.
 
-        Who has not come in yet is in no doubt, and frames before anybody has do not count; nor does one limb alone: an
-        arm that no view shows well may be ambiguous throughout, and all else exact.
+        A person who has not come in yet is in no doubt, and frames before the first person do not count. One limb alone
+        does not count either: an arm that no view shows well may be ambiguous throughout, and the rest exact.
         """
         n_frames = self.n_frames - self.n_before
         if len(self.grave) <= _MOST_DOUBTED * n_frames:
             return ""
         few = ", or film with more cameras: two are few" if self.n_views == 2 else ""
         return (
-            f"{len(self.grave)} of {n_frames} frames in doubt are more than hard movement makes: look at the overlay; "
+            f"{len(self.grave)} of {n_frames} frames in doubt are more than hard movement causes: look at the overlay; "
             "begin at another frame (reading.start) if the first pose is wrong, paint furniture before the person "
             "(reading.occluders), check stature, model and calibration, and whether views are exchanged" + few
         )
@@ -194,14 +194,14 @@ class Doubts:
         unused += [f"{view} missing in {len(f)}{_where(f)}" for view, f in sorted(self.missing.items())]
         unused += [f"{limb} in {len(f)}{_where(f)}" for limb, f in sorted(self.hidden.items())]
         if self.strangers:
-            unused.append(f"somebody else beside in {len(self.strangers)}{_where(self.strangers)}")
+            unused.append(f"another person beside in {len(self.strangers)}{_where(self.strangers)}")
         if self.none:
             return "; ".join([f"no frame of {self.n_frames} lost, doubtful or with an ambiguous limb", *unused])
         found = [f"{name} may be turned round from the given start on" for name in self.turned_round]
         if self.unfaced:
             found.append("the two cameras face each other and do not tell who faces where")
         found += [
-            f"{name}'s start pose is rather wrong than right (confidence {self.confidences[name]:.2f})"
+            f"{name}'s start pose is more likely wrong than right (confidence {self.confidences[name]:.2f})"
             for name in self.unlikely
         ]
         whole = [f"{who} in {len(frames)}{_where(frames)}" for who, frames in sorted(self.persons.items())]
@@ -212,11 +212,11 @@ class Doubts:
         for limb, frames in sorted(self.ambiguous.items(), key=lambda item: -len(item[1])):
             found.append(f"{limb} ambiguous in {len(frames)}{_where(frames)}")
         if self.why_unfound and not self.found:
-            found.append(f"nobody was found: {self.why_unfound}")
+            found.append(f"no person was found: {self.why_unfound}")
         return "; ".join([", ".join(found), *unused])
 
     def why(self) -> str:
-        """The last line for the terminal: the commonest reasons, each with what it is about and in how many frames."""
+        """The last line for the terminal: the commonest reasons, each with its limb or person and number of frames."""
         if not self.reasons:
             return ""
         ranked = sorted(self.reasons.items(), key=lambda item: (-item[1], item[0]))
@@ -226,7 +226,7 @@ class Doubts:
 
 
 def reasons_in(step: Step) -> Iterator[tuple[str, Because]]:
-    """What is in doubt in a frame, a limb or a person, and why."""
+    """Doubtful limbs and persons of a frame, with the reasons."""
     for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
         alone = len(step.estimates) == 1
         for doubt in estimate.reasons:
@@ -235,31 +235,31 @@ def reasons_in(step: Step) -> Iterator[tuple[str, Because]]:
 
 
 def _with(told: Mapping[str, tuple[int, ...]], frame: int, names: Iterable[str]) -> dict[str, tuple[int, ...]]:
-    """What was told, and the frame for each of the names."""
+    """A message, and the frame for each of the names."""
     return {**told, **{name: (*told.get(name, ()), frame) for name in names}}
 
 
 def _by_name(step: Step) -> dict[str, float]:
-    """Confidences of a frame in which persons were started; nothing elsewhere."""
+    """Confidences in a frame with a start; empty elsewhere."""
     return {person.name: sure for person, sure in zip(step.scene.persons, step.start_confidence, strict=False)}
 
 
 def _persons_in_doubt(step: Step) -> Iterator[str]:
-    """Of several persons, who is lost or doubtful in a frame."""
+    """The lost or doubtful of several persons in a frame."""
     for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
         if len(step.estimates) > 1 and estimate.verdict in (Status.LOST, Status.DOUBTFUL):
             yield f"{person.name} {estimate.verdict}"
 
 
 def _limbs_in_doubt(step: Step) -> Iterator[str]:
-    """Limbs that may be elsewhere in a frame, with the person's name where there are several."""
+    """Ambiguous limbs in a frame, with the person's name if there are several."""
     for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
         for group in () if estimate.lost else estimate.ambiguous:
             yield _of(step, person, group.replace("_", " "))
 
 
 def _hidden(step: Step) -> Iterator[str]:
-    """Limbs that something hides from a view in a frame."""
+    """Limbs that something hides in a view of a frame."""
     for person, estimate in zip(step.scene.persons, step.estimates, strict=True):
         for v, group in hidden_limbs(person.body, estimate.account):
             yield f"{_of(step, person, group.replace('_', ' '))} hidden from {step.scene.rig.names[v]}"
@@ -275,7 +275,7 @@ def _is_grave(estimate: Estimate, has_come_in: bool) -> bool:
 
 
 def _where(frames: tuple[int, ...]) -> str:
-    """` (frames 3-17, 40, ...)`, ` (frame 4)`; nothing for no frames."""
+    """` (frames 3-17, 40, ...)`, ` (frame 4)`; empty without frames."""
     if not frames:
         return ""
     parts = [f"{first}-{last}" if last > first else str(first) for first, last in ranges(frames)]

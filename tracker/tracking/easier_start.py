@@ -1,4 +1,4 @@
-"""A start that is uncertain is looked for in the next seconds, where it may be easier, and followed back from there."""
+"""Searches for an uncertain start in the next seconds, where it may be easier, and follows it back from there."""
 
 from __future__ import annotations
 
@@ -22,41 +22,41 @@ from tracker.tracking.trajectory import Replay, Step
 
 # See docs/lab/wrong_way_back.md.
 _LIKELY = 0.5
-"""How sure a start is that is rather right than wrong."""
+"""Least sureness of a start that is more likely right than wrong."""
 
 
 @dataclass(frozen=True)
 class LedBack:
-    """Frames tracked backwards from a start in a later one."""
+    """Frames tracked backwards from a later start."""
 
     index: int
     """The frame of the start."""
 
     start: Start
-    """What was found in it."""
+    """The start found in it."""
 
     replays: Mapping[int, Replay]
     """Every frame from the first one to that of the start."""
 
     def start_in(self, frame: Frame) -> Start | None:
-        """The start, in the frame that it was found in."""
+        """The start, in its own frame."""
         return self.start if frame.index == self.index else None
 
 
 def led_back(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> LedBack | None:
-    """What a surer start in one of the next seconds makes of the frames up to it.
+    """Finds a surer start in one of the next seconds, and the frames up to it.
 
-    Where a person is first seen limbs may hide, or front and back look the same; a moment later they do not.
+    Where a person is first seen, limbs may hide, or front and back look the same; a moment later they may not.
 
     Args:
         step: the first frame, with the start found in it.
         scene: the persons and the rig.
-        cycle: the components; its loss rule says where to look, and which start is sure enough.
+        cycle: the components; its loss rule says where to search, and which start is sure enough.
         reopen: opens the sequence anew.
 
     Returns:
-        None if the start is sure but for limbs, or given, no later one is surer, or the images of the first frame speak
-        for its own.
+        None if the start is sure except for limbs, or given, if no later one is surer, or if the images of the first
+        frame support its own.
     """
     if step.start is None or step.start.given or _sure_but_for_limbs(step.start, cycle.loss.sure):
         return None
@@ -75,7 +75,7 @@ def led_back(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> LedBack 
 
 
 def _sure_but_for_limbs(start: Start, sure: float) -> bool:
-    """Whether a start is sure enough, or likely and in doubt for limbs alone: tracking looks for these in any frame.
+    """Whether a start is sure enough, or likely and only in doubt for limbs: tracking searches for these in any frame.
 
     Later starts of three recordings were no surer than such ones, and took half of the run.
     """
@@ -84,9 +84,9 @@ def _sure_but_for_limbs(start: Start, sure: float) -> bool:
 
 
 def _surest(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> tuple[Frame, Start] | None:
-    """The surest start in the frames looked at; more of them as long as none is rather right than wrong, here neither.
+    """The surest start in the searched frames; None if no person is found in them.
 
-    None if nobody is found in them.
+    The search goes on while no start, including the first one, is more likely right than wrong.
     """
     rule, here = cycle.loss, 0.0 if step.start is None else step.start.least_sureness
     best = _looked_for(step.frame, rule.look_ahead_s, rule.sure, scene, cycle, reopen)
@@ -102,7 +102,7 @@ def _sureness(found: tuple[Frame, Start] | None) -> float:
 def _looked_for(
     first: Frame, delays_s: tuple[float, ...], enough: float, scene: Scene, cycle: Cycle, reopen: Reopen
 ) -> tuple[Frame, Start] | None:
-    """The surest start so long after a frame, the first one that is sure enough."""
+    """The surest start after the given delays, the first one that is sure enough."""
     best: tuple[Frame, Start] | None = None
     for n, frame in enumerate(_later(first, reopen, delays_s), start=1):
         cycle.progress(f"start: uncertain, frame {frame.index} searched, {n} of {len(delays_s)} later ones at most")
@@ -118,7 +118,7 @@ def _looked_for(
 
 
 def _later(first: Frame, reopen: Reopen, delays_s: tuple[float, ...]) -> Iterator[Frame]:
-    """The frames so long after the first one."""
+    """The frames after given delays."""
     left = sorted(delays_s)
     for frame in reopen():
         if not left:
@@ -131,9 +131,9 @@ def _later(first: Frame, reopen: Reopen, delays_s: tuple[float, ...]) -> Iterato
 def _followed_back(first: int, last: Frame, scene: Scene, cycle: Cycle, reopen: Reopen) -> dict[int, Replay]:
     """The frames from `last` back to the number `first`, as estimates; the start is that of the scene.
 
-    The way shows where this start leads, and not where another one would: nobody is looked for anew. Balancing without
-    plates, from frame 10, was led back from a wrong start in frame 40 with a search of 60 s in every frame or two: 22
-    minutes of processor time for what is 31 mm off either way.
+    The way back shows where this start leads, so no other search is made on it. Balancing without plates, from frame
+    10, was led back from a wrong start in frame 40 with a search of 60 s in every frame or two: 22 minutes of processor
+    time for a result 31 mm off either way.
     """
     cycle = replace(cycle, seeks=False)
     sight = Sight(last, cycle.plates)
@@ -142,8 +142,8 @@ def _followed_back(first: int, last: Frame, scene: Scene, cycle: Cycle, reopen: 
     begun = scene
     estimates, scene = settled(begun, cycle, observed, Status.BOOTSTRAPPED)
     if any(one.lost for one in estimates):
-        # By contours and colours beside them a man at his desk, 20 mm off, went out of all views; in a first frame the
-        # colours of the parts decide as well, and he stays.
+        # By contours and colours beside them a man at his desk, 20 mm off, left all views; in a first frame the colours
+        # of the parts decide as well, and he stays.
         colours = cache(partial(part_colours, sight, begun))
         everybody = range(len(begun.persons))
         estimates, scene = settled(begun, cycle, observed, Status.BOOTSTRAPPED, colours, everybody)

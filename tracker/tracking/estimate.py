@@ -12,7 +12,7 @@ from tracker.tracking.doubt import Because, Doubt
 
 
 class Status(StrEnum):
-    """How a pose came about."""
+    """Origin of a pose."""
 
     TRACKED = "tracked"
     """Found near the prediction."""
@@ -24,10 +24,10 @@ class Status(StrEnum):
     """Found without a prediction, after a loss."""
 
     DOUBTFUL = "doubtful"
-    """Found, but the images do not support it as they should: to be looked at before it is used."""
+    """Found, but the images do not sufficiently support it: check it before use."""
 
     FILLED = "filled"
-    """Not found, but between frames in which it was: what a smoothing puts into a short gap."""
+    """Not found, but between frames in which it was: a smoothing fills the short gap."""
 
     LOST = "lost"
     """Not found: the pose is the last prediction and not to be used."""
@@ -35,7 +35,7 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class Estimate:
-    """One person's pose with the distance it leaves and its uncertainty."""
+    """One person's pose with its distance and its uncertainty."""
 
     q: Array
     """(dof,) pose, rad and m."""
@@ -44,29 +44,29 @@ class Estimate:
     """(dof, dof) covariance of q; NaN where the method gives none."""
 
     account: Account
-    """How well the pose explains the images."""
+    """Explanation of the images by the pose."""
 
     penalty_px: float
-    """What the pose costs because the body runs through itself or is seldom like that, px."""
+    """Penalty of the pose for collisions and unusual angles, px."""
 
     evaluations: int
-    """Poses synthesized and compared."""
+    """Number of poses synthesized and compared."""
 
     search_s: float = 0.0
-    """Time spent searching, seconds; the rest of the estimation is refinement."""
+    """Time of the search, seconds; the rest of the estimation is refinement."""
 
     vain: Mapping[str, float] = field(default_factory=dict)
-    """Groups of parameters that were searched in this frame in vain -> share that is still left over."""
+    """Groups of parameters that were searched in this frame in vain -> share still left over."""
 
     status: Status = Status.TRACKED
-    """How the pose came about."""
+    """Origin of the pose."""
 
     doubts: tuple[Doubt, ...] = ()
-    """Why the pose, or limbs of it, may be wrong: what is doubtful, ambiguous and vague follows from that."""
+    """Why the pose, or limbs of it, may be wrong: they decide what is doubtful, ambiguous and vague."""
 
     @property
     def doubtful(self) -> bool:
-        """Whether the images do not support the pose as they should."""
+        """Whether the images do not sufficiently support the pose."""
         return any(not (doubt.limb or doubt.loses) for doubt in self.doubts)
 
     @property
@@ -76,26 +76,26 @@ class Estimate:
 
     @property
     def vague(self) -> tuple[str, ...]:
-        """Those of them that nothing speaks against, but of whose place the images tell little.
+        """Those of them that nothing contradicts, but whose place the images hardly show.
 
-        They are told to users and no cause to search: with two cameras, where they are many, searches made of 25 frames
-        with a joint off 36.
+        Users see them, and they cause no search: with two cameras, where they are many, searches raised the frames with
+        a joint off from 25 to 36.
         """
         sure = {doubt.limb for doubt in self.doubts if not doubt.vague}
         return tuple(limb for limb in self.ambiguous if limb not in sure)
 
     joint_sigmas_m: Array | None = None
-    """(L,) standard deviations of the landmarks, root of the summed variances of x, y, z, with what is not known of the
-    body; None where they follow from the covariance of the pose alone."""
+    """(L,) standard deviations of the landmarks, root of the summed variances of x, y, z, including the uncertainty of
+    the body; None if the covariance of the pose gives them alone."""
 
     @property
     def verdict(self) -> Status:
-        """What users are told: how the pose came about, unless it is doubtful."""
+        """Status for users: the origin of the pose, unless it is doubtful."""
         return Status.DOUBTFUL if self.doubtful and not self.lost else self.status
 
     @property
     def reasons(self) -> tuple[Doubt, ...]:
-        """The doubts that users are told in a line: of who is lost what has lost him, else all."""
+        """The doubts for a line of text: of a lost person the reason of the loss, else all."""
         return self.doubts[:1] if self.lost else self.doubts
 
     def because(self, limb: str) -> set[Because]:
@@ -104,23 +104,23 @@ class Estimate:
 
     @property
     def limbs_in_doubt(self) -> tuple[str, ...]:
-        """The ambiguous limbs that something speaks against."""
+        """The ambiguous limbs that something contradicts."""
         return tuple(limb for limb in self.ambiguous if limb not in self.vague)
 
     def doubting(self, doubts: Iterable[Doubt]) -> Estimate:
-        """The same with further doubts, one a limb and reason; nothing is added of who is lost."""
+        """The estimate with further doubts, one a limb and reason; a lost person gets none."""
         if self.lost:
             return self
         told = {(doubt.limb, doubt.because) for doubt in self.doubts}
         return replace(self, doubts=(*self.doubts, *(one for one in doubts if (one.limb, one.because) not in told)))
 
     def losing(self, doubt: Doubt) -> Estimate:
-        """The same, not to be used for a reason, which is the first to be told; of its limbs nothing is told."""
+        """The estimate as lost for a reason, which comes first; the doubts about its limbs go."""
         return replace(self, status=Status.LOST, doubts=(doubt, *(one for one in self.doubts if not one.limb)))
 
     @property
     def distance_px(self) -> float:
-        """The number that searches rank poses by: distance and penalty, px."""
+        """The number by which searches rank poses: distance and penalty, px."""
         return self.account.distance_px + self.penalty_px
 
     @property

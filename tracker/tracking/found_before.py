@@ -1,4 +1,4 @@
-"""What is known of a recording before it is followed through: who stands there is not looked for again."""
+"""Earlier knowledge of a recording: no search is made for a person whose place is known."""
 
 from __future__ import annotations
 
@@ -16,32 +16,32 @@ from tracker.tracking.trajectory import Step
 
 @dataclass(frozen=True)
 class FoundBefore:
-    """How persons stand in the first frame, and in those after it, as far as that was found in another way."""
+    """Poses of persons in the first frame, and in those after it, from an earlier way."""
 
     start: Start | None = None
-    """Poses of the first frame, which are not looked for; None where they are."""
+    """Poses of the first frame, which needs no search; None without them."""
 
     frame: int = -1
     """Number of that frame."""
 
     believed: bool = False
-    """Whether the start is neither rehearsed nor looked for in later frames, however sure it is."""
+    """Whether the start is neither rehearsed nor searched in later frames, however unsure it is."""
 
     estimates: Mapping[int, Sequence[Estimate]] = field(default_factory=dict)
-    """Frame -> what was found there for each person, in order; poses tracked forwards are weighed against it."""
+    """Frame -> earlier results for each person, in order; poses tracked forwards are weighed against them."""
 
     refined: bool = True
-    """Whether these poses are refined where nothing doubts them, see `gone_again`; else all are predicted and weighed.
-    Found in views that are out of step they keep of it: of delays of 24 and 36 ms 19 and 30 were told."""
+    """Whether these poses are only refined unless in doubt, see `gone_again`; otherwise all are predicted and weighed.
+    Poses found in views out of step keep a part of the delay: of delays of 24 and 36 ms 19 and 30 were found."""
 
     def start_in(self, index: int) -> Start | None:
         """The start of a frame, if it is known."""
         return self.start if index == self.frame else None
 
     def gone_again(self, scene: Scene, index: int) -> tuple[Array | None, ...]:
-        """For each person the pose (dof,) that the way found before leads to from where she is; None where none does.
+        """For each person the pose (dof,) to which the earlier way leads from the present one; None without one.
 
-        What lies between the two ways in the frame before, another body's joints, lies between them here.
+        The difference of the two ways in the frame before, another body's joints, is kept here.
 
         Args:
             scene: the persons in the frame before.
@@ -60,5 +60,5 @@ class FoundBefore:
 
 
 def start_of(steps: Iterable[Step]) -> Start | None:
-    """How persons were found in some steps; None if none of these tells."""
+    """Earlier start of the persons in some steps; None if these have none."""
     return next((step.start for step in steps if step.start is not None), None)

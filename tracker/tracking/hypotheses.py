@@ -1,4 +1,4 @@
-"""Start poses that could be: which are tried, and how they are ranked."""
+"""Possible start poses: candidates and their ranking."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from tracker.tracking.initialization import Stages
 from tracker.tracking.limb_probabilities import limbs_left_over
 from tracker.tracking.start import Hypothesis, Start, limbs_shown, sureness
 
-# Of another body that may be the person: so many times what the best pose leaves over, at most. The wrong one of two
-# persons left 0.8 to 1.9 times what the right one did in 16 starts.
+# Largest left-over share of another body that may be the person, times that of the best pose. The wrong one of two
+# persons left over 0.8 to 1.9 times as much as the right one in 16 starts.
 _MOST_BESIDE = 2.0
 # Poses whose landmarks lie this close together on average are one and the same.
 _SAME_M = 0.06
@@ -31,7 +31,7 @@ CoarseValues = dict[str, tuple[float, ...]]
 
 
 def with_held(scene: Scene, k: int, held: tuple[int, ...]) -> Scene:
-    """The persons whose poses are known, and person k as the last one."""
+    """The persons with known poses, and person k as the last one."""
     return Scene((*(scene.persons[other] for other in held), scene.persons[k]), scene.rig)
 
 
@@ -39,8 +39,8 @@ def coarse_poses(body: BodyModel, starts: list[Array], turns_deg: Array, values:
     """(N, dof) all combinations of the start poses (dof,), turned, and further values.
 
     Args:
-        body: whose joint limits the poses respect.
-        starts: poses (dof,) that the body's axis gives.
+        body: gives the joint limits.
+        starts: poses (dof,) from the body's axis.
         turns_deg: (M,) turns relative to them, degrees.
         values: parameter -> values, degrees; a name without the word of the side means each side for itself.
     """
@@ -59,7 +59,7 @@ def turn_of(body: BodyModel) -> int:
 
 
 def apart(body: BodyModel, poses: Array, distances: Array, rule: tuple[int, float]) -> list[Array]:
-    """The best of poses (N, dof) whose turns differ; `rule` is how many, and the least difference in degrees."""
+    """The best of poses (N, dof) with different turns; `rule` has their number, and the least difference in degrees."""
     column = turn_of(body)
     chosen: list[Array] = []
     for i in np.argsort(distances, kind="stable"):
@@ -72,7 +72,7 @@ def apart(body: BodyModel, poses: Array, distances: Array, rule: tuple[int, floa
 
 
 def different(body: BodyModel, poses: Array, n: int, apart_m: float) -> list[Array]:
-    """The first n of poses (N, dof), best first, whose landmarks are so far apart on average, metres."""
+    """The first n of poses (N, dof), best first, with a mean distance of their landmarks, metres."""
     marks = body.landmarks_in_world(poses)
     left = np.arange(len(poses))
     chosen: list[Array] = []
@@ -84,14 +84,14 @@ def different(body: BodyModel, poses: Array, n: int, apart_m: float) -> list[Arr
 
 
 def beside_turned(frame: Frame, scene: Scene, k: int, turned: Array, stages: Stages) -> tuple[Hypothesis, ...]:
-    """The pose of a scene's person, which stays, and another one by what either leaves over once it is refined.
+    """The pose of a scene's person, unchanged, and another one, ranked by their left-over shares after a refinement.
 
     Args:
         frame: the images.
         scene: the persons, with the poses to start from.
         k: the person.
         turned: (dof,) the pose turned round.
-        stages: to judge by.
+        stages: tools of the comparison.
     """
     body, q = scene.persons[k].body, scene.persons[k].q
     tried = np.array([q, turned])
@@ -103,7 +103,7 @@ def beside_turned(frame: Frame, scene: Scene, k: int, turned: Array, stages: Sta
 
 
 def hypothesis(body: BodyModel, estimate: Estimate) -> Hypothesis:
-    """The hypothesis that an estimate makes; of what no image shows nothing is known to be right."""
+    """The hypothesis of an estimate; contour that no image shows counts for nothing."""
     account = estimate.account
     left_over = account.left_over if account.explained > 0 else max(account.left_over, 1.0)
     turn_deg = float(np.degrees(_wrapped(estimate.q[turn_of(body)]))) if body.start.turn else 0.0
@@ -118,7 +118,7 @@ def hypothesis(body: BodyModel, estimate: Estimate) -> Hypothesis:
 
 
 def ranked(body: BodyModel, hypotheses: list[Hypothesis], costs: Array | None = None) -> tuple[Hypothesis, ...]:
-    """The hypothesis of least cost (N,) first, else that which leaves least over; of those of one pose the best."""
+    """The hypothesis of least cost (N,) first, else the one that leaves over least; of equal poses the best."""
     order = np.argsort([one.left_over for one in hypotheses] if costs is None else costs, kind="stable")
     kept: list[Hypothesis] = []
     for one in (hypotheses[n] for n in order):
@@ -130,8 +130,8 @@ def ranked(body: BodyModel, hypotheses: list[Hypothesis], costs: Array | None = 
 def finalists(ranking: Sequence[Hypothesis], n: int) -> tuple[Hypothesis, ...]:
     """The first n, and the first of the others that faces the other way if all of them face one way.
 
-    Of a woman turned round whose legs hardly a view shows, the first three differed in these legs alone, so that none
-    of those followed into the next frames faced as she does: 320 mm in all 100 frames.
+    A woman whose legs hardly a view shows was turned round, and the first three differed only in these legs, so that
+    none of those followed into the next frames faced as she does: 320 mm in all 100 frames.
     """
     first, rest = ranking[:n], ranking[n:]
     other = next((one for one in rest if all(_faces_away(one, kept) for kept in first)), None)
@@ -143,9 +143,9 @@ def _faces_away(one: Hypothesis, other: Hypothesis) -> bool:
 
 
 def least_left(starts: list[Start], scene: Scene, n: int) -> Start:
-    """Of starts from several foregrounds that which leaves least over; of one person, with the best of all hypotheses.
+    """Of starts from several foregrounds the one that leaves over least; for one person with all best hypotheses.
 
-    On 18 frames of nine recordings it was the nearer one wherever they differed by over 25 mm: in five frames of three,
+    On 18 frames of nine recordings it was the nearer one whenever they differed by over 25 mm: in five frames of three,
     28 to 88 mm off instead of 70 to 561.
     """
     best = min(starts, key=lambda one: sum(ranking[0].left_over for ranking in one.hypotheses if ranking))
@@ -159,12 +159,12 @@ def least_left(starts: list[Start], scene: Scene, n: int) -> Start:
 
 
 def likeliest(starts: list[Start], scene: Scene, n: int, bodies: bool = False) -> Start:
-    """Of starts of one person, in several ways, that which leaves least over, with the best n of all hypotheses.
+    """Of several starts of one person, the one that leaves over least, with the best n of all hypotheses.
 
     Args:
-        starts: in several ways.
+        starts: from several ways.
         scene: the persons.
-        n: how many hypotheses stay.
+        n: number of hypotheses that stay.
         bodies: whether each start is of another body: the best of each stays, too, unless it is much worse.
     """
     best = min(starts, key=lambda one: sum(ranking[0].left_over for ranking in one.hypotheses if ranking))

@@ -1,9 +1,9 @@
-"""Limbs that are somewhere else from one frame to the next: on one side they are wrong, and nobody knows on which.
+"""Limbs that jump from one frame to the next: they are wrong on one side, and the side is unknown.
 
-No limb of 19 true movements at 25 frames a second, kicks and punches among them, went 10 cm in a frame and less than 40
-percent of that in the frames before and after (9 cm at most, a hand set down), nor went somewhere in one frame and 60
-percent of the way back in the next (1 cm at most). Of every second frame the former holds too (8 cm), not the latter
-(27 cm, the end of a kick); of every third one neither. Of 29 movements one, a backflip whose hands go 56 cm a frame,
+No limb of 19 true movements at 25 frames a second, including kicks and punches, moved 10 cm in a frame and less than 40
+percent of that in the frames before and after (9 cm at most, a hand set down), nor away in one frame and 60 percent of
+the way back in the next (1 cm at most). At half the frame rate the former still holds (8 cm), the latter does not (27
+cm, the end of a kick); at a third neither holds. One of 29 movements, a backflip with hands that move 56 cm a frame,
 has a step that differs by 20 cm from the mean of those before and after.
 """
 
@@ -21,36 +21,36 @@ from tracker.tracking.estimate import Status
 from tracker.tracking.trajectory import Step
 
 _TIMES = 2.5
-"""How much farther a limb goes in one frame than in those beside it where it jumps, a factor."""
+"""Ratio of a jump to the limb's movement in the neighbouring frames."""
 
 _SHARE = 0.75
-"""Of what counts as elsewhere in other places, what does here, where two joints must be: 10 cm of a person."""
+"""Least distance of a jump, as a share of that for other places, which two joints must reach: 10 cm of a person."""
 
 # See docs/lab/jumps.md.
 _BEND = 1.6
-"""By how much the step of a limb that jumps in the midst of a movement differs from the mean of those before and
-after, in what counts as elsewhere: 23 cm of a person. A forearm that came out from behind the back as a punch began
-went 37 cm, 2.3 times as far as in the next frame, and 12 frames before were silently wrong. Of kicks 20 cm at most."""
+"""Least difference of a limb's step from the mean of those before and after, for a jump within a movement, as a share
+of that for other places: 23 cm of a person. A forearm that came out from behind the back as a punch began moved 37 cm,
+2.3 times as far as in the next frame, and 12 frames before were wrong without a doubt. Of kicks 20 cm at most."""
 
 _JUMP_S, _LONE_S = 0.1, 0.05
-"""Most time between frames that jumps are looked for in; that those in the midst of a movement, and frames elsewhere
-between two others, are, seconds."""
+"""Largest time between frames for a jump; for a jump within a movement, and for frames elsewhere between two others,
+seconds."""
 
 _MOST_FRAMES = 8
-"""Frames on each side of a jump that are doubted of a limb that has moved meanwhile: of limbs that drifted off in
-hiding and jumped back, those more than 15 cm off were four to eight."""
+"""Frames in doubt on each side of a jump, for a limb that has moved meanwhile: of limbs that drifted off in hiding and
+jumped back, four to eight were more than 15 cm off."""
 
 _STILL_S = 1.0
-"""Time on each side of a jump that is doubted of a limb which has kept its place on the body, seconds: it was as wrong
-all the while. A forearm behind the back instead of before the hip stayed so for 9 and for 18 frames."""
+"""Time in doubt on each side of a jump, for a limb that has kept its place on the body, seconds: it was equally wrong
+all the time. A forearm behind the back instead of before the hip stayed so for 9 and for 18 frames."""
 
 
 def with_jumps(steps: Sequence[Step], before: Step | None = None) -> list[Step]:
-    """The steps, a limb ambiguous around a jump for as long as it is elsewhere than on the jump's other side.
+    """The steps, with a limb ambiguous around a jump while it differs from the jump's other side.
 
     Args:
         steps: frames that follow one another, tracked.
-        before: the one before them, told already: a limb may jump from there.
+        before: the step before them, already judged: a limb may jump from there.
 
     Returns:
         Steps without a jump are the same objects.
@@ -88,12 +88,12 @@ def with_jumps(steps: Sequence[Step], before: Step | None = None) -> list[Step]:
 
 
 def _jumps(places: Array, tracked: Mask, least_m: float, bend_m: float) -> list[int]:
-    """Frames after which a limb's landmarks (T, L, 3) have jumped; `bend_m` is infinite where frames are far apart."""
+    """Frames after which a limb's landmarks (T, L, 3) have jumped; `bend_m` is infinite if frames are far apart."""
     ways, steps = _apart(places[1:], places[:-1]), np.diff(places, axis=0)
     if len(ways) < 3:
         return []
-    # The first and the last one have one beside them: the windows of a recording end there. Of true movements 2 of 3724
-    # steps of limbs are jumps by either side alone, of every second frame 12 of 1820; no end of 391 results is one.
+    # The first and the last one have one beside them: the windows of a recording end there. In true movements 2 of 3724
+    # steps of limbs are jumps by either side alone, at half the frame rate 12 of 1820; no end of 391 results is one.
     beside = np.maximum(np.append(0.0, ways[:-1]), np.append(ways[1:], 0.0))
     jumps = (ways > least_m) & (ways > _TIMES * beside)
     jumps[[0, -1]] &= np.isfinite(bend_m)
@@ -105,14 +105,14 @@ def _jumps(places: Array, tracked: Mask, least_m: float, bend_m: float) -> list[
 
 
 def _elsewhere(places: Array, on_body: Array, held: int, side: range, least_m: float) -> list[int]:
-    """Frames on one side of a jump, nearest first, in which a limb is elsewhere than it is on the other side.
+    """Frames on one side of a jump, nearest first, in which a limb differs from the other side.
 
     Args:
         places: (T, L, 3) of its landmarks in the world, metres.
-        on_body: (T, L, 3) the same, the body standing still as a whole.
+        on_body: (T, L, 3) the same, with the body as a whole at rest.
         held: the first frame of the other side.
-        side: frames to go through.
-        least_m: from how far on it is elsewhere.
+        side: frames of this side.
+        least_m: least distance that counts as elsewhere.
     """
     found: list[int] = []
     for n, t in enumerate(side):
@@ -125,7 +125,7 @@ def _elsewhere(places: Array, on_body: Array, held: int, side: range, least_m: f
 
 
 def _lone(places: Array, tracked: Mask, least_m: float) -> Array:
-    """(T,) how far a limb's landmarks (T, L, 3) are from those beside in single frames that are elsewhere, m; or 0."""
+    """(T,) distance of a limb's landmarks (T, L, 3) from the neighbouring frames', m, if it is elsewhere; or 0."""
     away_m = np.zeros(len(places))
     ways, over = _apart(places[1:], places[:-1]), _apart(places[2:], places[:-2])
     least = np.minimum(ways[:-1], ways[1:])
@@ -135,11 +135,12 @@ def _lone(places: Array, tracked: Mask, least_m: float) -> Array:
 
 
 def _apart(one: Array, other: Array) -> Array:
-    """(...,) how far landmarks (..., L, 3) of a limb are from others, m: the second farthest.
+    """(...,) distance of landmarks (..., L, 3) of a limb from others, m: the second farthest.
 
-    The farthest one may be a hand that turns at its wrist, which the images hardly show. With 14 cm of the mean of the
-    two farthest, the hand counted: in all results at hand 132 limbs 10 cm and more off were doubted beside jumps, and
-    248 others; now 131 and 139.
+    The farthest one may be a hand that turns at its wrist, and the images hardly show that. With a limit of 14 cm on
+    the mean of the
+    two farthest, the hand counted: over all results at hand 132 limbs 10 cm and more off were doubted beside jumps, and
+    248 others; with the second farthest 131 and 139.
     """
     gaps = np.sort(np.linalg.norm(one - other, axis=-1), axis=-1)
     second: Array = gaps[..., -2:].min(axis=-1)

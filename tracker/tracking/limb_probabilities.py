@@ -1,4 +1,4 @@
-"""How probable it is that a limb is where it is said to be."""
+"""The probability that a limb is right."""
 
 from __future__ import annotations
 
@@ -14,39 +14,39 @@ from tracker.tracking.doubt import Because
 from tracker.tracking.estimate import Estimate
 
 _KNOWN_M, _LEAST_SPREAD_M = 0.03, 0.003
-"""Spread of a joint that speaks neither for a pose nor against it, and below which one is no better known, metres."""
+"""Spread of a joint that changes no probability, and least spread that counts, metres."""
 
 _STOP_RAD, _NARROW_RAD = np.radians(1.0), np.radians(20.0)
-"""Nearness to a limit that counts as being at it, and the range of an angle that hardly moves, rad."""
+"""Tolerance for an angle at its limit, and range of an angle that hardly moves, rad."""
 
 
 # A limb that shows less contour than this over all views is judged as if it showed so much, px.
 _LEAST_LIMB_PX = 100.0
-# Of heads in their place hair leaves over 0.03 to 0.27, and 0.60 of one that a start had bent forward. See
+# Hair leaves over 0.03 to 0.27 of a right head, and 0.60 of one that a start had bent forward. See
 # docs/lab/acquired_starts.md.
 _USUAL_OF_HEADS = 0.2
 
 
 class Odds(NamedTuple):
-    """Two things may be wrong: the pose as a whole, or a limb alone. Log odds that either is right."""
+    """Two things may be wrong: the pose as a whole, or a single limb. Log odds that each is right."""
 
     whole: float
-    """Of a pose that leaves nothing over, whose joints are known to 3 cm."""
+    """Of a pose that leaves nothing over, with joints known to 3 cm."""
 
     whole_left_over: float
-    """What the squared share that the whole body leaves over takes from them."""
+    """Reduction by the squared left-over share of the whole body."""
 
     whole_vague: float
-    """What the logarithm of a joint's spread over 3 cm takes from them."""
+    """Reduction by the logarithm of a joint's spread over 3 cm."""
 
     whole_stops: float
-    """What each angle at its limit takes from them."""
+    """Reduction by each angle at its limit."""
 
     limb: float
-    """Of a limb that leaves nothing over, in a pose that is right."""
+    """Of a limb that leaves nothing over, in a right pose."""
 
     limb_left_over: float
-    """What the share that the limb leaves over takes from them."""
+    """Reduction by the limb's left-over share."""
 
     limb_jump: float
     """What a jump to or from where the limb is takes from them."""
@@ -66,26 +66,26 @@ FITTED = Odds(
 
 
 class Known(NamedTuple):
-    """What a run knows of N limbs, each (N,)."""
+    """Data of a run on N limbs, each (N,)."""
 
     left_over: Array
-    """Share of the limb's contour, see `tracker.tracking.loss.limbs_left_over`."""
+    """Left-over share of the limb's contour, see `tracker.tracking.loss.limbs_left_over`."""
 
     whole_left_over: Array
     """The same of the whole body."""
 
     spread_m: Array
-    """Of the limb's joints, see `limb_spreads_m`; NaN where it is not known."""
+    """Spread of the limb's joints, see `limb_spreads_m`; NaN if unknown."""
 
     stops: Array
-    """Angles of the limb, and of trunk and head, that are at a limit: who leans on joints is seldom there."""
+    """Number of angles of the limb, and of trunk and head, at a limit: persons are seldom there."""
 
     jumped: Array
     """1 where the limb jumps to another place or from one, see `tracker.tracking.jumps`, else 0."""
 
 
 def known_of(body: BodyModel, estimate: Estimate) -> Known:
-    """What is known of the limbs of a body, in the order of `body.limbs`; spreads are those of a person's size."""
+    """Data on the limbs of a body, in the order of `body.limbs`; spreads are scaled to a person's size."""
     left_over, spreads_m = limbs_left_over(body, estimate.account), limb_spreads_m(body, estimate)
     found = np.array([spreads_m[limb] for limb in body.limbs]) / smallness(body)
     if not np.isfinite(estimate.covariance).all():
@@ -99,7 +99,7 @@ def known_of(body: BodyModel, estimate: Estimate) -> Known:
 
 
 def at_limits(body: BodyModel, q: Array) -> Mask:
-    """(dof,) angles of a pose (dof,) that are at a limit, except those that can hardly move."""
+    """(dof,) angles of a pose (dof,) at a limit, except those that can hardly move."""
     low, high = body.limits.T
     near = (q < low + _STOP_RAD) | (q > high - _STOP_RAD)
     found: Mask = body.rotates & (high - low > _NARROW_RAD) & np.isfinite(high - low) & near
@@ -107,7 +107,7 @@ def at_limits(body: BodyModel, q: Array) -> Mask:
 
 
 def right_by(odds: Odds, known: Known) -> Array:
-    """(N,) how probable it is that all joints of some limbs are within 150 mm of where they are said to be, 0 to 1."""
+    """(N,) probability that all joints of a limb are within 150 mm of their true places, 0 to 1."""
     vague = np.nan_to_num(np.log(np.maximum(known.spread_m, _LEAST_SPREAD_M) / _KNOWN_M))
     whole = odds.whole - odds.whole_left_over * known.whole_left_over**2 - odds.whole_vague * vague
     whole -= odds.whole_stops * known.stops
@@ -117,7 +117,7 @@ def right_by(odds: Odds, known: Known) -> Array:
 
 
 def limb_probabilities(body: BodyModel, estimate: Estimate) -> dict[str, float]:
-    """Limb -> how probable it is that all its joints are within 150 mm of where they are said to be, 0 to 1."""
+    """Limb -> probability that all its joints are within 150 mm of their true places, 0 to 1."""
     right = right_by(FITTED, known_of(body, estimate))
     return dict(zip(body.limbs, right.tolist(), strict=True))
 
@@ -128,16 +128,16 @@ def _sigmoid(log_odds: Array) -> Array:
 
 
 def limbs_left_over(body: BodyModel, account: Account) -> dict[str, float]:
-    """Limb -> share of its contour that is left over, see `left_over_of`; head and tail with what is unusual of it."""
-    # The trunk is where the limbs hang; what is left over of it is clothes.
+    """Limb -> left-over share of its contour, see `left_over_of`; head and tail with their unusual angles."""
+    # The trunk carries the limbs; its left-over contour is that of clothes.
     usual = dict.fromkeys(body.doubted_ends, _USUAL_OF_HEADS) | dict.fromkeys(body.limbs, 0.0)
     return {group: max(left_over_of(account.of(body.parts_of(group))) - usual[group], 0.0) for group in usual}
 
 
 def limb_spreads_m(body: BodyModel, estimate: Estimate) -> dict[str, float]:
-    """Limb -> standard deviation of its joints, of each in the direction in which it is known least, at most, metres.
+    """Limb -> largest standard deviation of its joints, each in its least known direction, metres.
 
-    0 where the estimation gave no covariance.
+    0 if the estimation gave no covariance.
     """
     spreads = np.zeros(len(body.landmarks))
     if np.isfinite(estimate.covariance).all():
@@ -150,6 +150,6 @@ def limb_spreads_m(body: BodyModel, estimate: Estimate) -> dict[str, float]:
 
 
 def left_over_of(limb: Account) -> float:
-    """Share of a limb's contour that is left over; of one that is hardly seen, of what it should at least show."""
+    """Left-over share of a limb's contour; for a limb hardly seen, of the least contour that it should show."""
     visible_px = max(float(limb.visible_px.sum()), _LEAST_LIMB_PX)
     return float(limb.left_over_px.sum()) / visible_px

@@ -25,35 +25,35 @@ _Found = TypeVar("_Found")
 
 @dataclass(frozen=True)
 class Objective:
-    """How badly a pose of one person explains the images: one number, whoever asks for it (paper, figure 1b).
+    """How badly a pose of one person explains the images: one number for all (paper, figure 1b).
 
-    Answers are kept: rounds of a search that change little ask again about the same poses (29 % of 8100 in one frame).
+    It keeps answers: rounds of a search that change little ask again about the same poses (29 % of 8100 in one frame).
     """
 
     asked: Comparison
     evidence: Evidence
     history: History | None = None
-    """What is known of the person from the frames before."""
+    """Knowledge of the person from the frames before."""
 
     collision_px: float = 0.1
-    """What a point of a limb deep inside another one counts, px; see `BodyModel.collisions`."""
+    """Cost of a point of a limb deep inside another one, px; see `BodyModel.collisions`."""
 
     most_collision_px: float = 0.5
-    """Most that all of them count, px. What the images say of a limb is 0.2 to 1 px: with 0.5 px a point and no end
+    """Largest cost of all such points, px. What the images say of a limb is 0.2 to 1 px: with 0.5 px a point and no end
     to it, the true pose of crossing limbs cost 1 to 5 px and lost to wrong ones (walking: 63 mm instead of 29)."""
 
     nearby: bool = False
-    """Whether a pose is sought near the starts alone: in the frames in which who has left is not looked for anew. A
-    search of the whole pose in every frame took 1.2 s each in an empty room, and 0.03 s without."""
+    """Whether a pose is sought only near the starts: in the frames in which the search for a person who has left does
+    not begin anew. A search of the whole pose in every frame took 1.2 s each in an empty room, and 0.03 s without."""
 
     colours: Callable[[], PartColours] | None = None
-    """Those of the frame, which are asked for where limbs are in two places."""
+    """Part colours of the frame, used if limbs are in two places."""
 
     impure_px: float = 30.0
-    """What a nat a pixel of impurity counts against the distance, px, see `PartColours.impurity`."""
+    """Weight of a nat a pixel of impurity against the distance, px, see `PartColours.impurity`."""
 
     rare_px: float = 0.02
-    """What a parameter costs that is one standard deviation from where it usually is, px; twice as far four times."""
+    """Cost of a parameter one standard deviation from its usual value, px; twice as far costs four times as much."""
 
     _answers: dict[tuple[str, bytes, float], Any] = field(init=False, default_factory=dict, repr=False, compare=False)
 
@@ -68,10 +68,10 @@ class Objective:
         return self._each("distance", poses, lambda asked: evidence.distances(question, asked) + self.penalties(asked))
 
     def deciding_px(self, poses: Array) -> Array:
-        """What decides between poses (B, dof) with limbs in different places: distance, and how mixed part colours are.
+        """Decides between poses (B, dof) with limbs in different places: distance, and mixture of part colours.
 
-        Contours of a limb that hangs down along trunk and thigh are theirs: of arms crossed before the chest, 0.4 m off
-        in all 80 frames of a squat, 3 % of the contour was left over, and the true place cost as much, to 0.03 px.
+        Contours of a limb that hangs down along trunk and thigh are theirs: with arms crossed before the chest, 0.4 m
+        off in all 80 frames of a squat, 3 % of the contour was left over, and the true place cost as much, to 0.03 px.
         """
         distances = self(poses)
         if self.colours is None:
@@ -82,20 +82,20 @@ class Objective:
         return deciding
 
     def penalties(self, poses: Array) -> Array:
-        """What poses (B, dof) cost because the body runs through itself or is seldom like that (B,), px."""
+        """Penalty (B,) of poses (B, dof) for collisions and unusual angles, px."""
         own = self.asked.placements(poses)[:, self.asked.own]
         collisions = np.minimum(self.collision_px * self.body.collisions_of(own), self.most_collision_px)
         penalties: Array = collisions + self.rare_px * self.body.rarity(poses)
         return penalties
 
     def by_surface(self) -> Objective:
-        """The same question, answered by persons' own surfaces where they are known: what of a few poses is best."""
+        """The same objective with persons' own surfaces, if known: to choose among a few poses."""
         if not self.asked.scene.has_skins or isinstance(self.asked.synthesis, SurfaceSynthesis):
             return self
         return self._served_by(SurfaceSynthesis(self.asked.synthesis))
 
     def by_parts(self) -> Objective:
-        """The same question, answered by the parts that stand for surfaces: where in many poses to look."""
+        """The same objective with the parts in place of surfaces: to search among many poses."""
         synthesis = self.asked.synthesis
         return self._served_by(synthesis.of) if isinstance(synthesis, SurfaceSynthesis) else self
 
@@ -104,18 +104,18 @@ class Objective:
         return replace(self, asked=asked)
 
     def about(self, scene: Scene, person: int) -> Objective:
-        """The same question about another person, or with the others elsewhere, in the same frame."""
+        """The objective of another person, or with the others elsewhere, in the same frame."""
         asked = Comparison(scene, person, self.asked.synthesis, self.asked.observed)
         return replace(self, asked=asked, history=None)
 
     def observed_again(self, q: Array) -> Objective:
-        """The same question after the images were looked at with a pose (dof,) known; see `Evidence.observe_again`."""
+        """The objective after another observation with a known pose (dof,); see `Evidence.observe_again`."""
         observed = self.evidence.observe_again(self.asked, q)
         asked = Comparison(self.asked.scene, self.asked.person, self.asked.synthesis, observed)
         return replace(self, asked=asked)
 
     def equations(self, q: Array, gate_px: float) -> Equations:
-        """What a refinement minimizes, linearized at a pose (dof,); see `tracker.evidence.Evidence.equations`."""
+        """Equations of a refinement, linearized at a pose (dof,); see `tracker.evidence.Evidence.equations`."""
         return self._once("equations", q, gate_px, lambda: self._equations(q, gate_px))
 
     def _equations(self, q: Array, gate_px: float) -> Equations:
@@ -134,7 +134,7 @@ class Objective:
         return asked.with_contours(q, asked.fine(q).without(of_scene))
 
     def estimate(self, q: Array, covariance: Array, evaluations: int) -> Estimate:
-        """The estimate that a pose (dof,) with covariance (dof, dof) makes; its distance is that of a call."""
+        """The estimate of a pose (dof,) with covariance (dof, dof); its distance is that of a call."""
         found = Estimate(
             q=np.array(q),
             covariance=covariance,
@@ -147,7 +147,7 @@ class Objective:
         return found
 
     def _account(self, q: Array) -> Account:
-        """What the views say of a pose (dof,) but for limbs that something has long hidden from them."""
+        """Account of a pose (dof,) by the views, except limbs that something has long hidden from them."""
         account, asked = self.evidence.account(self.asked, q), self.asked
         hidden, unseen = (None, None) if self.history is None else (self.history.hidden, self.history.unseen)
         places = asked.placements(q[None])[0, asked.own, :3, 3]
@@ -162,7 +162,7 @@ class Objective:
         return self._once(what, np.empty(0), 0.0, find)
 
     def _each(self, what: str, poses: Array, find: Callable[[Array], Array]) -> Array:
-        """What was found of each of some poses (B, dof) before; else it is found now, of all at once."""
+        """Kept values of some poses (B, dof); missing ones are computed at once."""
         keys = [(what, pose.tobytes(), 0.0) for pose in poses]
         fresh = [b for b, key in enumerate(keys) if key not in self._answers]
         if fresh:
@@ -171,7 +171,7 @@ class Objective:
         return np.array([self._answers[key] for key in keys])
 
     def _once(self, what: str, q: Array, gate_px: float, find: Callable[[], _Found]) -> _Found:
-        """What was found of a pose (dof,) before; else it is found now."""
+        """Kept value of a pose (dof,); computed if missing."""
         key = what, q.tobytes(), gate_px
         if key not in self._answers:
             self._answers[key] = find()

@@ -1,4 +1,4 @@
-"""Limbs of a pose are looked for wherever they may be; a pose is taken where the images speak for it."""
+"""Searches for limbs of a pose wherever they may be; accepts a pose if the images support it."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ _REFINEMENT = TwistIcpEstimation()
 
 
 def in_likeliest_places(objective: Objective, estimate: Estimate, limbs: Collection[str] | None = None) -> Estimate:
-    """The estimate, perhaps with limbs elsewhere: where contours and the colours of parts together speak for them.
+    """The estimate, perhaps with limbs elsewhere, if contours and the colours of parts together support them.
 
-    Estimations search limbs whose contours are poor; those of a limb in the wrong place need not be, see
+    Estimations search limbs with poor contours; a limb in the wrong place may have good ones, see
     `Objective.deciding_px`. Four limbs take 0.4 s of CPU a start (simulated squat, 720x576).
 
     Args:
         objective: of the frame, with the other persons where they are.
-        estimate: of a person whose trunk is found.
-        limbs: those that are looked for, or a head; None for all limbs.
+        estimate: of a person whose trunk is right.
+        limbs: limbs to search for, or a head; None for all limbs.
     """
     body = objective.body
     sought = [group for group in body.fine_groups if group in (body.limbs if limbs is None else limbs)]
@@ -38,7 +38,7 @@ def in_likeliest_places(objective: Objective, estimate: Estimate, limbs: Collect
         before = best
         for limb in sought:
             found = tried(objective, best, limb, elsewhere.propose, _REFINEMENT)
-            # what falls back into the same place is no other place: it would only follow a body that does not fit
+            # a limb that returns to the same place is not elsewhere: it would only follow a body that does not fit
             best = found if are_apart(body, found.q, best.q, body.landmarks_of(limb)) else best
         if best.q is before.q:
             break

@@ -1,4 +1,4 @@
-"""What becomes of a frame's estimates: who is in view, and how far the models cover what the images show."""
+"""Outcome of a frame: persons in view, and overlap of the models with the images."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def finished(
     clock: Clock,
     least_views: int,
 ) -> Step:
-    """The step of a frame whose estimates are found.
+    """The step of a frame from its estimates.
 
     Args:
         sight: the images.
@@ -35,7 +35,7 @@ def finished(
         synthesis: draws them.
         estimates: one a person.
         clock: with the time spent on the frame.
-        least_views: that must show a person.
+        least_views: number of views that must show a person.
     """
     with clock("synthesis"):
         fitted: Contours = synthesis.contours(scene)
@@ -60,15 +60,15 @@ def still_lost(
     frames_lost: Sequence[int],
     least_views: int,
 ) -> list[Estimate]:
-    """The estimates; of persons who were lost before, those whom too few views show still are.
+    """The estimates; persons who were lost before, and whom too few views show, stay lost.
 
     Args:
         sight: the images.
         scene: the persons at the poses of the estimates.
         synthesis: draws them.
         estimates: one a person.
-        frames_lost: for how many frames before this one each of them was.
-        least_views: that must show a person.
+        frames_lost: number of frames before this one in which each of them was lost.
+        least_views: number of views that must show a person.
     """
     if all(one.lost or not since for one, since in zip(estimates, frames_lost, strict=True)):
         return list(estimates)
@@ -79,29 +79,29 @@ def still_lost(
 
 
 def _own(scene: Scene, synthesis: Synthesis, models: tuple[Mask, ...]) -> Sequence[tuple[Mask, ...]]:
-    """The silhouettes of each person; none where none are asked for."""
+    """The silhouettes of each person; empty if they are not needed."""
     if not models or len(scene.persons) == 1:
         return (models,) if models else ()
     return [synthesis.silhouettes(replace(scene, persons=(person,))) for person in scene.persons]
 
 
 def covered_px(models: Sequence[Mask], estimates: Sequence[Estimate]) -> Array | None:
-    """Pixels (V,) of the model's silhouettes; None with nothing to compare them with, or a person lost."""
+    """Pixels (V,) of the model's silhouettes; None without a foreground, or with a lost person."""
     if not models or any(estimate.lost for estimate in estimates):
         return None
     return frozen([np.count_nonzero(mask) for mask in models])
 
 
 def _of_those_found(own: Sequence[Sequence[Mask]], estimates: Sequence[Estimate]) -> Sequence[Mask]:
-    """Silhouettes (H, W) of the persons who are not lost, in each view; none where everybody is."""
+    """Silhouettes (H, W) of the persons who are not lost, in each view; empty if all are lost."""
     found = [masks for masks, estimate in zip(own, estimates, strict=False) if not estimate.lost]
     return [np.any(masks, axis=0) for masks in zip(*found, strict=True)]
 
 
 def _overlap(models: Sequence[Mask], foregrounds: Sequence[Mask | None], unknown: Sequence[Mask | None]) -> Array:
-    """Intersection over union (V,) of the models' and the foreground's silhouettes, where the background is known.
+    """Intersection over union (V,) of the models' and the foreground's silhouettes, if the background is known.
 
-    NaN where it is not, and without a model: a pose that nobody has covers nothing.
+    NaN if it is unknown, and without a model: a pose of no person covers nothing.
     """
     shares = np.full(len(foregrounds), np.nan)
     if not models:

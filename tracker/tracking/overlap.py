@@ -1,4 +1,4 @@
-"""Two persons are not in one place: where the models of two are, one of them was lost."""
+"""Two persons cannot be in one place: if two models are, one of the persons is lost."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ MOST_SHARED = 0.3
 
 
 def judged_in_space(scene: Scene, estimates: tuple[Estimate, ...]) -> tuple[Estimate, ...]:
-    """The estimates; of two persons in one place the one who leaves more over is lost.
+    """The estimates; of two persons in one place the one who leaves over more is lost.
 
-    Who walks out of the pictures while somebody else is there, or is looked for before he comes in, is else found in
-    that one's contours: of two simulated persons the one who was not there sat inside the other one, `tracked`.
+    Otherwise a person who walks out of the pictures while another one is there, or who has not come in yet, is found in
+    the other one's contours: of two simulated persons the absent one sat inside the other one, `tracked`.
 
     Args:
         scene: the persons at the poses of the estimates.

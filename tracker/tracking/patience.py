@@ -1,4 +1,4 @@
-"""Patience: how long somebody is looked for in vain, and what kept him from being found."""
+"""Patience: limit of searches in vain, and the reason why no person was found."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from tracker.foundation.progress import Progress
 
 
 class Patience:
-    """What looking for the first pose of a recording has cost so far, in all frames and stages of a run.
+    """Cost of the search for the first pose of a recording so far, in all frames and stages of a run.
 
-    Processor time is counted, of all threads: a machine that has other work to do gives up no sooner.
+    It counts processor time, of all threads: a busy machine gives up no sooner.
     """
 
     def __init__(self) -> None:
-        """Nothing was looked for yet."""
+        """Nothing was searched yet."""
         self._spent_s = 0.0
         self._vain: dict[tuple[int, ...], tuple[str, Sequence[object]]] = {}
         self._why = ""
@@ -26,26 +26,26 @@ class Patience:
         """Why the same search was in vain before; empty if it was not made.
 
         Args:
-            frame: the number of the frame looked at.
-            asked: whom and what was asked: the very same objects find the same.
+            frame: number of the frame.
+            asked: the objects of the search: the very same objects find the same.
         """
         return self._vain.get(_key(frame, asked), ("", ()))[0]
 
     def in_vain(self, frame: int, asked: Sequence[object], why: str) -> None:
-        """Keeps why a search was in vain, in one line; see `why_not`."""
+        """Keeps the reason of a search in vain, in one line; see `why_not`."""
         self._why = why
         self._vain[_key(frame, asked)] = why, asked  # kept alive, or another object may have the same number
 
     @contextmanager
     def spending(self, limit_s: float, progress: Progress) -> Iterator[Progress]:
-        """Counts what is spent in the block.
+        """Counts the time of the block.
 
         Args:
-            limit_s: processor time that all such blocks may take together, seconds.
-            progress: told how far the search is.
+            limit_s: processor time for all such blocks together, seconds.
+            progress: gets the progress of the search.
 
         Yields:
-            The progress to tell in the block: it raises a `GivenUpError` once the time is spent.
+            The progress for the block: it raises a `GivenUpError` once the time is over.
         """
         begin = time.process_time()
 
@@ -63,9 +63,9 @@ class Patience:
         frames = f"{len(self._vain)} frame{'s' * (len(self._vain) != 1)} searched to the end"
         why = f"; the last reason: {self._why}" if self._why else ""
         return (
-            f"nobody was found in {limit_s:g} s of processor time, {frames}{why}: begin where the person is seen well "
-            '([reading] start), give plates or a pose (initialization = { use = "given", poses = "start.csv" }), or '
-            "allow more by loss.start_within_s"
+            f"no person was found in {limit_s:g} s of processor time, {frames}{why}: begin where the person is well "
+            "visible ([reading] start), give plates or a pose (initialization = "
+            '{ use = "given", poses = "start.csv" }), or allow more by loss.start_within_s'
         )
 
 

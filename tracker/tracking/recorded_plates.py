@@ -1,4 +1,4 @@
-"""Plates that the recording makes by itself: whether they show the very persons who are tracked, and where."""
+"""Plates that the recording makes itself: whether they show the tracked persons, and where."""
 
 from __future__ import annotations
 
@@ -26,19 +26,20 @@ from tracker.tracking.start import Start
 log = logging.getLogger("tracker")
 
 _LEAST_VIEWS = 2
-"""Views with backdrops, below which they tell nothing of the depth."""
+"""Least number of views with backdrops: fewer show no depth."""
 
 # See docs/lab/backdrops.md.
 _AROUND = 0.03
-"""What is not known around somebody who stays, as a share of the square root of their area: clothes, and a model that
-does not quite fit."""
+"""Unknown margin around a person who stays, as a share of the square root of the area: clothes, and misfit of the
+model."""
 
 
 def without_persons(cycle: Cycle, scene: Scene, frames: Callable[[], Iterator[Frame]]) -> Cycle:
-    """The cycle without plates of the recording's own where they show a person at the start.
+    """The cycle without the recording's own plates if they show a person at the start.
 
-    A passer-by makes the views look as if everybody walked about; who sits there all the time is background to them.
-    Nobody in the first frame is no fault of theirs. Where they stay, so does the start that was found before them.
+    A passer-by makes the views look as if every person walked about; a person who sits there all the time is background
+    to them. A first frame without persons is not their fault. If they stay, so does the start that was found before
+    them.
 
     Args:
         cycle: the components and plates.
@@ -63,15 +64,15 @@ def without_persons(cycle: Cycle, scene: Scene, frames: Callable[[], Iterator[Fr
 
 
 def behind_who_stays(cycle: Cycle, scene: Scene, reopen: Reopen) -> Cycle:
-    """The cycle with what the views show most of the time as plates that know nothing where persons stay.
+    """The cycle with plates from the most frequent colours of the views, unknown where persons stay.
 
-    Who turns or gestures in one place is partly in the backdrops. Where persons are in the first frame, or something
-    has come or gone, the backdrops may show them; elsewhere they show what arms and legs move before. Without them a
-    turn in three views was lost: 94 mm, a joint off in 55 of 100 frames.
+    A person who turns or gestures in one place is partly in the backdrops. Where persons are in the first frame, or
+    something has come or gone, the backdrops may show them; elsewhere they show the background of arms and legs.
+    Without them a turn in three views was lost: 94 mm, a joint off in 55 of 100 frames.
 
     Args:
-        cycle: the components; returned as it is if persons are not found in the first frame, and without such plates if
-            they are in doubt in it.
+        cycle: the components; returned unchanged if persons are not found in the first frame, and without such plates
+            if they are in doubt in it.
         scene: the persons and the rig.
         reopen: opens the recording.
     """
@@ -83,32 +84,33 @@ def behind_who_stays(cycle: Cycle, scene: Scene, reopen: Reopen) -> Cycle:
     models = cycle.synthesis.silhouettes(step.scene)
     sight = Sight(frame, backdrops)
     stand_out = sight.covered(models) >= LEAST_COVERED
-    # what stands out speaks for a pose that edges doubt in clutter: martial arts of another person's were 45 mm off
-    # without such plates, an arm in 44 of 61 frames
+    # a person who stands out supports a pose that edges doubt in clutter: martial arts of another person's were 45 mm
+    # off without such plates, an arm in 44 of 61 frames
     if any(one.lost for one in step.estimates):
         return cycle
     doubted = any(one.doubtful for one in step.estimates) and not stand_out
     known, start = {frame.index: step.estimates}, step.start
     if led is not None:
-        # what it was found by shows another frame
+        # it was found in another frame
         known = {k: one.estimates for k, one in sorted(led.replays.items())}
         start = Start((), sureness=led.start.sureness)
     plates = tuple(
         None if plate is None or doubted else _unknown_behind(plate, sight, v, model, stand_out)
         for v, (plate, model) in enumerate(zip(backdrops, models, strict=True))
     )
-    # in doubt, too: before these plates another start could be found than they are made for, and without them the same
-    # would be looked for again, which took 200 s
+    # in doubt, too: before these plates the start could differ from theirs, and without them the same search would be
+    # repeated, which took 200 s
     return replace(cycle, plates=plates).knowing(known, start, believed=True)
 
 
 def _unknown_behind(plate: Plate, sight: Sight, view: int, model: Mask, stand_out: bool) -> Plate:
-    """A view's backdrop, not known where it may show a person.
+    """A view's backdrop, unknown where it may show a person.
 
-    Of persons who stand out it shows what does not. Of others, something else may hide a part in the first frame, and
-    an arm that rests in one place for most of the recording is in the backdrop: it is known where the first frame
-    shows the same and nobody is. With the first rule for all a woman whom a board hides had a joint off in 9 of 50
-    frames; with the second a man who turns was 33 mm off instead of 24.
+    If persons stand out, it shows the places where they do not. If not, another thing may hide a part in the first
+    frame, and
+    an arm that rests in one place for most of the recording is in the backdrop: it is known where the first frame shows
+    the same and no person is. With the first rule alone a woman hidden by a board had a joint off in 9 of 50 frames;
+    with the second alone a man who turns was 33 mm off instead of 24.
 
     Args:
         plate: the backdrop.

@@ -1,4 +1,4 @@
-"""Start poses that one frame can't tell apart are tracked into the next frames; what follows shows who faces where."""
+"""Rehearsal: start poses that one frame cannot decide are tracked into the next frames, which decide."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ _LEAST_GAP_S = 0.03
 # took 97 of the 123 s of a first start without plates, to choose among three that are all wrong.
 _HOPELESS_AFTER = 4
 # So many frames tell who is beaten, and end a rehearsal where the best one is sure. In six of eight starts the best one
-# was sure by then; it was the best one after ten frames as well, and right in the five with a truth. See
+# was sure by then; it was also the best one after ten frames, and right in the five with a truth. See
 # docs/lab/start_costs.md.
 _TOLD_AFTER = 3
-# Who left so many times as much over in as many frames is not followed any farther, for a fifth less decides. Of eight
-# starts of six recordings twelve were met by it, 0.18 to 0.6 m off.
+# A hypothesis that leaves over so many times as much in as many frames is dropped; a fifth less decides. In eight
+# starts of six recordings twelve hypotheses met it, 0.18 to 0.6 m off.
 _BEATEN = 1.5
-# A lead that decides, see `start.sureness`. Where all are doubtful and none has it, the first frame's ranking
-# holds: the first pose of push-ups was 0.20 m off, that by the frames after it 0.38; those of the man at his desk
+# A lead that decides, see `start.sureness`. If all are doubtful and none has it, the first frame's ranking holds: the
+# first pose of push-ups was 0.20 m off, the one by later frames 0.38; those of the man at his desk
 # (docs/lab/upper_bodies.md) 0.02 to 0.13 m, and 0.27.
 _DECIDES = 0.2
 
@@ -50,17 +50,17 @@ Reopen = Callable[[], Iterator[Frame]]
 
 
 def rehearsed(start: Start, frame: Frame, scene: Scene, cycle: Cycle, reopen: Reopen) -> Start:
-    """The start with the hypotheses of uncertain persons ranked by how well they can be tracked on.
+    """The start with the hypotheses of uncertain persons ranked by tracking them on.
 
-    A silhouette seen from the front looks as from behind; elbows and knees bend one way only. Someone who
-    stands still gives nothing away, however long one looks. A pose that was given stays; that another one can be
-    tracked better makes it unsure.
+    A silhouette looks the same from the front and from behind; elbows and knees bend one way only. A person who stands
+    still gives no information, however long it takes. A given pose stays; if another one can be tracked better, the
+    given one becomes unsure.
 
     Args:
-        start: what the initialization found.
-        frame: the frame it was found in.
+        start: from the initialization.
+        frame: of the start.
         scene: the persons and the rig.
-        cycle: the components; its loss rule says in how many frames, and who is uncertain.
+        cycle: the components; its loss rule gives the number of frames, and the limit of uncertainty.
         reopen: opens the sequence anew.
     """
     if cycle.loss.rehearse == 0:
@@ -82,9 +82,10 @@ def rehearsed(start: Start, frame: Frame, scene: Scene, cycle: Cycle, reopen: Re
 
 
 def _beside_turned_round(start: Start, frame: Frame, scene: Scene, cycle: Cycle) -> Start:
-    """The start with each person's best pose turned round among the hypotheses, and as sure as it leads over that.
+    """The start with each person's best pose turned round among the hypotheses, and its lead as sureness.
 
-    What a coarse search finds facing the other way has limbs elsewhere, and loses by these. See docs/lab/facing.md.
+    A coarse search's pose that faces the other way has limbs elsewhere, and loses because of these. See
+    docs/lab/facing.md.
     """
     for k, sure in enumerate(start.sureness):
         body, ranking = scene.persons[k].body, start.hypotheses[k]
@@ -102,7 +103,7 @@ def _beside_turned_round(start: Start, frame: Frame, scene: Scene, cycle: Cycle)
 
 
 def _all_known(frame: Frame, cycle: Cycle) -> bool:
-    """Whether plates or masks tell everywhere where persons are."""
+    """Whether plates or masks are known everywhere."""
     return all(
         frame.mask(v) is not None or (plate is not None and plate.unknown is None)
         for v, plate in enumerate(cycle.plates)
@@ -110,32 +111,32 @@ def _all_known(frame: Frame, cycle: Cycle) -> bool:
 
 
 def _sureness(ranking: tuple[Hypothesis, ...], known: bool) -> float:
-    """Sureness of the first hypothesis; where plates do not tell where limbs are, that of its worst limb as well."""
+    """Sureness of the first hypothesis; if plates do not show limbs, multiplied by that of its worst limb."""
     return sureness(ranking) * (1.0 if known else limbs_shown(ranking[0]))
 
 
 @dataclass(frozen=True)
 class _Trial:
-    """One hypothesis on its way."""
+    """One hypothesis during the rehearsal."""
 
     hypothesis: Hypothesis
     scene: Scene
     state: State
     found: tuple[Estimate, ...]
-    """What every frame so far has made of it."""
+    """Its estimates in all frames so far."""
 
     @property
     def left_over(self) -> float:
-        """What it leaves over on average."""
+        """Mean left-over share."""
         return fmean(estimate.account.left_over for estimate in self.found)
 
 
 def _ranked(
     start: Start, k: int, frame: Frame, scene: Scene, cycle: Cycle, following: Iterator[Frame]
 ) -> tuple[Hypothesis, ...]:
-    """The hypotheses of person k with what they leave over on average, the best one first."""
-    # A hypothesis that is lost, or long in doubt, must not be rescued by a new bootstrapping: what that finds would be
-    # judged in its place. Without plates five of them took 215 of the 336 s that a start took.
+    """The hypotheses of person k with their mean left-over shares, the best one first."""
+    # A hypothesis that is lost, or long in doubt, must not be rescued by a new bootstrapping: that pose would be judged
+    # in its place. Without plates five of them took 215 of the 336 s that a start took.
     held = replace(cycle.loss, lost_below=0.0, least_views=0)
     cycle = replace(cycle, loss=held, seeks=False)
 
@@ -164,29 +165,29 @@ def _ranked(
 
 
 def _decided(ranking: tuple[Hypothesis, ...]) -> bool:
-    """Whether the first hypothesis leaves so much less over than the second that it is the right one."""
+    """Whether the first hypothesis leaves over so much less than the second that it is the right one."""
     return len(ranking) < 2 or ranking[0].left_over <= (1 - _DECIDES) * ranking[1].left_over
 
 
 def _as_begun(trials: list[_Trial], begun: tuple[Hypothesis, ...], body: BodyModel) -> tuple[Hypothesis, ...]:
-    """Hypotheses in the order in which they were begun: frames in which all are in doubt do not tell who is right."""
+    """Hypotheses in the order of the beginning: frames in which all are in doubt do not decide."""
     places = {id(one): n for n, one in enumerate(begun)}
     ordered = sorted(trials, key=lambda trial: places[id(trial.hypothesis)])
     return tuple(_on_average(trial, body) for trial in ordered)
 
 
 def _in_order(followed: list[Hypothesis], beaten: list[Hypothesis]) -> tuple[Hypothesis, ...]:
-    """The best first; the beaten as far behind as when they were, for the frames after that may be harder to see."""
+    """The best first; dropped ones keep their distance, because later frames may be harder."""
     least = _BEATEN * min(one.left_over for one in followed)
     behind = [replace(one, left_over=max(one.left_over, least)) for one in beaten]
     return tuple(sorted([*followed, *behind], key=lambda one: one.left_over))
 
 
 def _different(trials: list[_Trial], body: BodyModel) -> list[_Trial]:
-    """Those that leave least over first; of several that have come to one pose the best, or the one that was given.
+    """Those that leave over least first; of several at one pose the best, or the given one.
 
-    Two right hypotheses whose arms differed at first left 0.084 and 0.081 over, so that neither was sure: six more
-    starts were looked for, two minutes, though both had been the same for nine frames.
+    Two right hypotheses with different arms at first left over 0.084 and 0.081, so that neither was sure: six more
+    starts were searched, two minutes, though both had been the same for nine frames.
     """
     kept: list[_Trial] = []
     for trial in sorted(trials, key=lambda one: (not one.hypothesis.given, one.left_over)):
@@ -196,22 +197,22 @@ def _different(trials: list[_Trial], body: BodyModel) -> list[_Trial]:
 
 
 def _beaten(trial: _Trial, best: _Trial) -> bool:
-    """Whether a hypothesis has left so much more over than the best one that what follows cannot change it."""
+    """Whether a hypothesis has left over so much more than the best one that later frames cannot change it."""
     return len(trial.found) > _TOLD_AFTER and trial.left_over > _BEATEN * best.left_over
 
 
 def _hopeless(trial: _Trial, rule: LossRule) -> bool:
-    """Whether a hypothesis was doubtful in all of the last frames, but the first one, in which no colours are known."""
+    """Whether a hypothesis was doubtful in all last frames, except the first one, in which no colours are known."""
     last = trial.found[1:][-_HOPELESS_AFTER:]
     return len(last) == _HOPELESS_AFTER and all(one.account.left_over > rule.doubtful_above for one in last)
 
 
 def _on_average(trial: _Trial, body: BodyModel) -> Hypothesis:
-    """The hypothesis with what it explains and leaves over in all frames, and the pose that they were tracked from.
+    """The hypothesis with its explained and left-over shares in all frames, and its first tracked pose.
 
-    The pose is the one that the first frame ended with; a pose that was given stays as given. A leg beside its place
-    was found before the pose was tracked on; begun at again as it had been, the run had that leg 0.11 m off in all
-    frames, and nothing in doubt (docs/lab/rehearsed_pose.md).
+    The pose is that at the end of the first frame; a given pose stays as given. A leg beside its place was corrected
+    before the pose was tracked on; when the run began at the old pose again, that leg was 0.11 m off in all frames, and
+    nothing in doubt (docs/lab/rehearsed_pose.md).
     """
     accounts = [estimate.account for estimate in trial.found]
     limbs = [limbs_left_over(body, account) for account in accounts]

@@ -1,4 +1,4 @@
-"""A pose that was found in another way is weighed against the one at hand, as a whole and limb by limb."""
+"""Weighs a pose from another way against the present one, as a whole and limb by limb."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from tracker.tracking.verdict import explains_better
 
 
 def weighed(objective: Objective, mine: Estimate, rival: Estimate) -> Estimate:
-    """Two estimates of the same person in the same frame made into one.
+    """Combines two estimates of the same person in the same frame.
 
     The errors of two ways to a pose hardly coincide, nor do those of its limbs: one has an arm right, the other a leg.
 
     Args:
         objective: judges both by the same images.
-        mine: the estimate at hand; kept where the other is not clearly better.
-        rival: what was found in another way.
+        mine: the present estimate; kept unless the other is clearly better.
+        rival: from another way.
 
     Returns:
         The one that explains the images better, perhaps with limbs of the other one.

@@ -1,4 +1,4 @@
-"""Tracking through a sequence: the cycle frame after frame, while the next frame is decoded and looked at."""
+"""Tracks a sequence: the cycle frame after frame, while the next frame is decoded and prepared."""
 
 from __future__ import annotations
 
@@ -41,14 +41,13 @@ def track(
         scene: the persons (their poses do not matter) and the rig.
         cycle: the components.
         done: frames already tracked by an interrupted run, by number; they are replayed, not estimated again.
-        reopen: opens the sequence anew, so that uncertain start poses can be rehearsed, and looked for in later frames;
-            None for neither.
+        reopen: opens the sequence anew, for rehearsals and later starts of uncertain persons; None for neither.
 
     Yields:
         One step a frame.
 
     Raises:
-        InitializationError: no start pose was found in the first frames.
+        InitializationError: the first frames show no start pose.
     """
     state, step = State.before(scene), None
     back: LedBack | None = None
@@ -76,33 +75,33 @@ def track(
 
 @dataclass(frozen=True)
 class Looking:
-    """How somebody is looked for who was not found yet."""
+    """Settings of the search for the first persons."""
 
     give_up: bool
-    """Raise where nobody is found."""
+    """Raise if no person is found."""
 
     reopen: Reopen | None
-    """Opens the sequence anew; None where only this frame is to be looked at."""
+    """Opens the sequence anew; None if only this frame may be used."""
 
     back: LedBack | None = None
-    """What a start in a later frame has made of the first ones."""
+    """First frames from a surer start in a later one."""
 
 
 def tracked(
     sight: Sight, scene: Scene, cycle: Cycle, state: State, looking: Looking, clock: Clock | None = None
 ) -> tuple[Step, LedBack | None]:
-    """One frame, and what a surer start in a later one has made of the first ones.
+    """One frame, and the first ones from a surer start in a later one.
 
     Args:
         sight: the images.
         scene: all persons at their last poses.
         cycle: the components.
         state: histories up to the frame before.
-        looking: how persons are looked for, as long as none was found.
+        looking: settings of the search, until a person is found.
         clock: with the time spent on the frame before.
 
     Raises:
-        InitializationError: nobody was found, and that is to be an error.
+        InitializationError: no person was found, and that is an error.
     """
     begun, back = None, looking.back
     if state.nobody_found:
@@ -122,7 +121,7 @@ def tracked(
 
 
 def _begun(sight: Sight, scene: Scene, cycle: Cycle, looking: Looking) -> tuple[Step, LedBack | None]:
-    """The first frame, and what a surer start in a later one makes of it."""
+    """The first frame, perhaps from a surer start in a later one."""
     if sight.frame.index < cycle.nobody_before:
         return unfound(sight, scene, cycle), None
     if looking.reopen is None or cycle.before.believed:
@@ -133,14 +132,14 @@ def _begun(sight: Sight, scene: Scene, cycle: Cycle, looking: Looking) -> tuple[
 
 
 def _was_led_back(replay: Replay) -> bool:
-    """Whether a first pose came from a later frame: frames that an interrupted run has not kept do so again."""
+    """Whether a first pose came from a later frame: frames that an interrupted run has not kept repeat this."""
     return any(estimate.status is Status.TRACKED for estimate in replay.estimates)
 
 
 class Ahead:
-    """Decodes and looks at the next frame while the one before is being estimated, in a thread of its own.
+    """Decodes and prepares the next frame during the estimation of the one before, in its own thread.
 
-    What it looks around is the outcome two frames before, which a resumed run knows as well: it asks the same.
+    It prepares around the outcome two frames before, which a resumed run knows as well, so that both do the same.
     """
 
     def __init__(self, frames: Iterable[Frame], cycle: Cycle, replays: Mapping[int, Replay] = _NOTHING) -> None:
@@ -148,8 +147,8 @@ class Ahead:
 
         Args:
             frames: in order.
-            cycle: the components; what its evidence can do ahead is done.
-            replays: frames that nothing is looked for in.
+            cycle: the components; the evidence prepares its part.
+            replays: frames without a search.
         """
         self._frames, self._cycle, self._replays = iter(frames), cycle, replays
         self._worker = ThreadPoolExecutor(max_workers=1)
@@ -157,8 +156,8 @@ class Ahead:
         self._threads = 1
 
     def __enter__(self) -> Ahead:
-        # OpenCV's own threads wait for work by asking for it again and again: 3 of the 70 ms of processor time that a
-        # frame takes, for nothing. Their number is the whole process's; it is put back at the end.
+        # OpenCV's own threads wait for work in a loop: 3 of the 70 ms of processor time of a frame, for nothing. Their
+        # number is the whole process's; it is put back at the end.
         self._threads = cv2.getNumThreads()
         cv2.setNumThreads(1)
         return self
@@ -168,7 +167,7 @@ class Ahead:
         self._worker.shutdown(cancel_futures=True)
 
     def next(self, before: Step | None) -> Sight | None:
-        """The next frame with what was seen in it, None at the end; starts on the one after it.
+        """The next frame with the prepared data, None at the end; starts on the one after it.
 
         Args:
             before: outcome of the frame before the one that is returned.
@@ -197,7 +196,7 @@ def replayed(frame: Frame, scene: Scene, cycle: Cycle, replay: Replay, start: St
         scene: the persons and the rig.
         cycle: the components.
         replay: the estimates.
-        start: what was found, where a start was looked for in this frame.
+        start: the start, if one was searched in this frame.
     """
     scene = scene.with_poses(tuple(estimate.q for estimate in replay.tracked))
     fitted = cycle.synthesis.contours(scene)

@@ -1,4 +1,4 @@
-"""Limbs of which one view alone shows a part: how deep that lies it hardly tells, and other places may do as well."""
+"""Limbs of which only one view shows a part: it hardly shows their depth, and other places may fit as well."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ _TRIED, _SPREAD = 96, (np.radians(25.0), 0.1)
 
 
 def with_vague_limbs(objective: Objective, estimate: Estimate, within_px: float) -> Estimate:
-    """The estimate with those limbs vague that one view alone shows in part, and that another place suits as well.
+    """The estimate, with such limbs vague if another place fits as well.
 
-    The sigmas of a pose (`loss.limb_spreads_m`) say how far one may move it, not where else it may be: in
-    martial arts filmed by two cameras an upper arm is shown by the one behind the man and hidden from the other one by
-    his chest. Elbow and wrist were 20 and 13 cm off in depth for 25 frames, with sigmas below 6 cm; the true pose left
-    over as much, to 0.06 px.
+    The sigmas of a pose (`loss.limb_spreads_m`) say how far one may move it, not where else it may be. In martial arts
+    filmed by two cameras an upper arm is visible to the one behind the man, and his chest hides it from the other one.
+    Elbow and wrist were 20 and 13 cm off in depth for 25 frames, with sigmas below 6 cm; the true pose left over as
+    much, to 0.06 px.
 
     Args:
         objective: of the frame, with the other persons where they are.
         estimate: judged already.
-        within_px: what another place may cost more; 0 for none.
+        within_px: extra cost up to which another place fits; 0 for none.
     """
     body = objective.body
     if estimate.lost or within_px == 0:
@@ -45,10 +45,10 @@ def with_vague_limbs(objective: Objective, estimate: Estimate, within_px: float)
 
 
 def _telling(body: BodyModel, group: str) -> Mask:
-    """(P,) parts of a limb that tell where it is: not the last of three links or more, hands and feet.
+    """(P,) parts of a limb that show its place: not the last of three links or more, hands and feet.
 
-    These are often shown by one view alone, and are where their forearms and shins tell. With them the same frames of
-    four recordings by two cameras are flagged.
+    Only one view often shows these, and their forearms and shins show their places. With them the same frames of four
+    recordings by two cameras are flagged.
     """
     parts = np.flatnonzero(body.parts_of(group))
     n_moving = body.moves[:, body.part_parameters[parts]].sum(axis=0)
@@ -59,7 +59,7 @@ def _telling(body: BodyModel, group: str) -> Mask:
 
 
 def _shown_by_one(estimate: Estimate, parts: Mask) -> bool:
-    """Whether one view alone shows one of some parts (P,); evidence that cannot tell says no."""
+    """Whether only one view shows one of some parts (P,); False for evidence without views."""
     if estimate.account.by_view_px is None:
         return False
     visible_px = np.sort(estimate.account.by_view_px[0][:, parts], axis=0)
@@ -68,7 +68,7 @@ def _shown_by_one(estimate: Estimate, parts: Mask) -> bool:
 
 
 def _least_elsewhere_px(objective: Objective, estimate: Estimate, group: str) -> float:
-    """What the best of a limb's places that are elsewhere costs more than the one found, px."""
+    """Extra cost of the best other place of a limb, px."""
     body: BodyModel = objective.body
     poses = scattered(body, estimate.q[None], group, _TRIED, _SPREAD)
     poses = poses[are_apart(body, poses, estimate.q, body.landmarks_of(group))]

@@ -1,4 +1,4 @@
-"""Start poses of all persons, and the evidence of how they were found."""
+"""Start poses of all persons, with the evidence for them."""
 
 from __future__ import annotations
 
@@ -8,20 +8,19 @@ from dataclasses import dataclass, field
 from tracker.foundation.arrays import Array, Mask
 from tracker.tracking.estimate import Estimate
 
-# A lead over the next different pose by this share of what is left over is as good as any.
-# See docs/lab/confidence.md.
+# A lead over the next different pose by this share of the left-over length is certain. See docs/lab/confidence.md.
 _SURE_LEAD = 0.2
 # The same from which on a given pose is told to be turned round. In 15 frames of five recordings true joints left 0.16
-# to 0.82 less over than turned round; given turned round, 0.19 to 4.65 more. Since joints of who is turned round are
-# where those of the other side were, 41 tracked poses of nine recordings leave 0.15 to 0.84 less over, and 0.33 to 4
-# more.
+# to 0.82 less over than turned round; given turned round, 0.19 to 4.65 more. Compared with the same poses turned round,
+# whose joints are where those of the other side were, 41 tracked poses of nine recordings leave over 0.15 to 0.84 less,
+# and 0.33 to 4 more.
 _LEAST_LEAD = 0.1
-# The worst limb of four right starts without plates leaves 0.05 to 0.12 over, of a fifth 0.32; where a joint is more
-# than 150 mm off 0.17 to 0.52. See docs/lab/confidence.md.
+# The worst limb of four right starts without plates leaves over 0.05 to 0.12, of a fifth 0.32; with a joint more than
+# 150 mm off 0.17 to 0.52. See docs/lab/confidence.md.
 _LIMB_LEFT_OVER = 0.15
 
 RATHER_RIGHT = 0.5
-"""Confidence of a start below which it is rather wrong than right, see `confidence`."""
+"""Confidence below which a start is more likely wrong than right, see `confidence`."""
 
 # See docs/lab/facing.md.
 FACES_RIGHTLY = 0.8
@@ -47,7 +46,7 @@ class Hypothesis:
     """(dof,) rad and m."""
 
     distance_px: float
-    """Similarity distance that it leaves, px."""
+    """Its similarity distance, px."""
 
     explained: float
     """Share of the person's visible contour that lies on scene edges, 0 to 1."""
@@ -55,18 +54,18 @@ class Hypothesis:
     left_over: float
     """Contour of the model without a scene edge, and of the scene without the model, over the model's contour.
 
-    Hypotheses are ranked by it. The distance itself is drowned by edges that no person makes: in 6 of 28 starts on
-    recordings it preferred someone turned round, whose limbs reach for shadows and furniture, this in one.
+    Hypotheses are ranked by it. Edges that no person makes dominate the distance itself: in 6 of 28 starts on
+    recordings it preferred a person turned round, whose limbs reach for shadows and furniture, this in one.
     """
 
     turn_deg: float
     """Direction faced: the turn about the body's axis, degrees."""
 
     limbs_left_over: Mapping[str, float] = field(default_factory=dict)
-    """Limb -> what it leaves over, see `tracker.tracking.limb_probabilities.left_over_of`."""
+    """Limb -> its left-over share, see `tracker.tracking.limb_probabilities.left_over_of`."""
 
     given: bool = False
-    """Whether it was told, not found: it stays, whatever the others say."""
+    """Whether it was given, not found: it stays, whatever the others are."""
 
 
 @dataclass(frozen=True)
@@ -80,14 +79,14 @@ class Start:
     """For each person and view; empty if the poses were given."""
 
     hypotheses: tuple[tuple[Hypothesis, ...], ...] = ()
-    """For each person what was refined, the best one first; of a pose that was given, itself and turned round."""
+    """For each person the refined hypotheses, the best one first; of a given pose, itself and turned round."""
 
     sureness: tuple[float, ...] = ()
-    """For each person 0 to 1, see `sureness`; empty if nothing else was tried, or what was cannot make them less sure:
-    keypoints know of sides what outlines do not."""
+    """For each person 0 to 1, see `sureness`; empty if nothing else was tried, or cannot make them less sure: keypoints
+    show sides that outlines do not."""
 
     by_keypoints: bool = False
-    """Whether 2-D keypoints told the poses."""
+    """Whether 2-D keypoints gave the poses."""
 
     def of(self, order: Sequence[int]) -> Start:
         """The start of the same persons in another order: for each the place that it has here."""
@@ -101,12 +100,12 @@ class Start:
 
     @property
     def given(self) -> bool:
-        """Whether the poses were told."""
+        """Whether the poses were given."""
         return any(one.given for ranking in self.hypotheses for one in ranking)
 
     @property
     def turned_round(self) -> dict[int, tuple[float, float]]:
-        """Persons whose given pose leaves clearly more over than the same turned round -> what either leaves over."""
+        """Persons whose given pose leaves over clearly more than the same turned round -> both left-over shares."""
         found = {}
         for k, ranking in enumerate(self.hypotheses):
             given = next((one.left_over for one in ranking if one.given), 0.0)
@@ -116,10 +115,10 @@ class Start:
 
     @property
     def told_sureness(self) -> tuple[float, ...]:
-        """For each person 0 to 1, from which `confidence` tells how often such starts are right.
+        """For each person 0 to 1; `confidence` derives from it the share of such starts that are right.
 
-        That is `sureness`; where it is empty, of poses that were given what they explain of the images, and 0 if these
-        fit clearly better turned round. Empty where no images were looked at.
+        It is `sureness`; if that is empty, for given poses their explained share, and 0 if they fit clearly better
+        turned round. Empty without images.
         """
         given = [one for ranking in self.hypotheses for one in ranking if one.given]
         if self.sureness or len(given) < len(self.hypotheses):
@@ -128,19 +127,19 @@ class Start:
 
     @property
     def least_sureness(self) -> float:
-        """The least sureness of all persons; 1 where nothing else was tried."""
+        """The least sureness of all persons; 1 if nothing else was tried."""
         return min(self.sureness, default=1.0)
 
 
 def sureness(hypotheses: tuple[Hypothesis, ...], costs: Array | None = None) -> float:
-    """How sure the first of ranked hypotheses is, 0 to 1; not at all if another one was given.
+    """Sureness of the first of ranked hypotheses, 0 to 1; 0 if another one was given.
 
-    The share of its contour that the scene explains, times its lead: how much less it leaves over than the next one,
-    where a fifth less counts as certain.
+    Its explained share, times its lead: how much less it leaves over than the next one, where a fifth less counts as
+    certain.
 
     Args:
         hypotheses: the best first.
-        costs: (N,) of another measure of the hypotheses, the less the better: the smaller lead of the two counts.
+        costs: (N,) of another measure of the hypotheses, less is better: the smaller lead of the two counts.
     """
     best = hypotheses[0]
     if any(one.given for one in hypotheses[1:]):
@@ -154,31 +153,32 @@ def sureness(hypotheses: tuple[Hypothesis, ...], costs: Array | None = None) -> 
 
 
 def surely_faces(best: Hypothesis, turned: Hypothesis) -> float:
-    """How sure a pose is beside the same turned round, 0 to 1: as `sureness`, but a lead by a tenth is certain."""
+    """Sureness of a pose against the same turned round, 0 to 1: as `sureness`, but a lead by a tenth is certain."""
     return best.explained * min(max(_lead(best.left_over, turned.left_over) / _LEAST_LEAD, 0.0), 1.0)
 
 
 def limbs_shown(best: Hypothesis) -> float:
-    """By what factor a start without plates is less sure for its worst limb, 0 to 1.
+    """Factor that reduces the sureness of a start without plates for its worst limb, 0 to 1.
 
-    In proportion to what that limb leaves over: where trunk and head are found, the whole says little of an arm. Plates
-    tell where limbs are: with them right starts leave a quarter of a limb over, and of 33 that were 0.66 sure and more
-    none was 100 mm off.
+    It is proportional to that limb's left-over share: where trunk and head are right, the whole says little about an
+    arm. Plates
+    show limbs: with them right starts leave over a quarter of a limb, and of 33 that were 0.66 sure and more none was
+    100 mm off.
     """
     worst = max(best.limbs_left_over.values(), default=0.0)
     return _LIMB_LEFT_OVER / max(worst, _LIMB_LEFT_OVER)
 
 
 def confidence(sure: float, estimate: Estimate) -> float:
-    """How often starts like it are right, 0 to 1: by how sure they were, and by what tracking made of the frame.
+    """Share of such starts that are right, 0 to 1: by their sureness, and by the tracking of the frame.
 
-    Sureness knows of nothing but what else was tried: without plates starts of 0.03 and 0.3 were right once they had
-    been tracked on and back. Of 276 starts, with plates and without, a joint was more than 150 mm off in 11 of the 14
-    below 0.5, in 8 of 35 up to 0.9 and in 6 of 227 above; there none was 100 mm off on average (6, 3 of the others).
+    Sureness only knows the other hypotheses: without plates starts of 0.03 and 0.3 were right once they had been
+    tracked on and back. Of 276 starts, with plates and without, a joint was more than 150 mm off in 11 of the 14 below
+    0.5, in 8 of 35 up to 0.9 and in 6 of 227 above; there none was 100 mm off on average (6, 3 of the others).
 
     Args:
         sure: see `sureness`.
-        estimate: of the frame of the start, when all around it was tracked.
+        estimate: of the start's frame, after all around it was tracked.
     """
     if estimate.lost or estimate.doubtful or len(estimate.ambiguous) > 1:
         return RATHER_RIGHT * sure

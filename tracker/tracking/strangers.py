@@ -1,4 +1,4 @@
-"""Who moves beside the persons and is none of them: found in space, and taken for what hides the persons."""
+"""Strangers, who move beside the persons: found in space, and taken for things that hide the persons."""
 
 from __future__ import annotations
 
@@ -20,42 +20,43 @@ from tracker.images.sight import Sight
 from tracker.synthesis import Synthesis
 
 _CELL_M = 0.12
-"""Edge of the cells of space that strangers are looked for in, metres."""
+"""Edge of the cells of space for strangers, metres."""
 
 _REACH_M, _FROM_M, _TO_M = 2.5, 0.3, 2.1
-"""How far around the persons cells reach, and from what height to what above their lowest joint, metres: a shadow is
-no higher than the floor."""
+"""Range of the cells around the persons, and heights above their lowest joint from and to, metres: a shadow is no
+higher than the floor."""
 
 # See docs/lab/bystanders.md.
 _OWN_M, _NEAR_M = 0.12, 0.25
-"""What changes so near to a person's silhouette, or lies so near to the bones, is the person's: limbs that have moved
-since, clothes, hair."""
+"""Changes this near to a person's silhouette, or to the bones, are the person's: limbs that have moved since, clothes,
+hair."""
 
 _FAR_M, _LEAST_CELLS, _LEAST_HIGH_M = 0.4, 20, 0.6
-"""Somebody fills so many cells that are so far from the bones, and is so high; a limb that was lost does not."""
+"""Number of cells of a stranger, their distance from the bones, and their height; a lost limb does not reach them."""
 
 _LEAST_COVERED = 0.5
-"""Share of the persons' silhouettes before what has changed, mean of the views: with less they are elsewhere, and what
-stands out may be they. Of predictions in a fast dance it was 0.6 and more."""
+"""Share of the persons' silhouettes on changed pixels, mean of the views: with less they are elsewhere, and the changes
+may be theirs. Of predictions in a fast dance it was 0.6 and more."""
 
 _RIM_M = 0.05
-"""Around what stands out, and around the persons before whom nobody is, metres: edges are that wide."""
+"""Margins around changes, and around the persons in front, metres: edges are that wide."""
 
 _FAIR = 0.3
-"""Share of a piece of what has changed that a stranger's cells cover where all of it is his: hands and feet, too."""
+"""Share of a changed region covered by a stranger's cells from which on all of it is the stranger's, including hands
+and feet."""
 
 
 @dataclass(frozen=True)
 class _View:
-    """A view that can tell, every fourth pixel of it."""
+    """A view with a plate, every fourth pixel of it."""
 
     number: int
     camera: Camera
     changed: Mask
-    """(h, w) what differs from the plate, or is not known."""
+    """(h, w) pixels that differ from the plate, or are unknown."""
 
     apart: Mask
-    """(h, w) what differs from it and is not near a person's silhouette."""
+    """(h, w) pixels that differ from it and are not near a person's silhouette."""
 
     model: Mask
     """(h, w) the persons' silhouettes."""
@@ -65,15 +66,15 @@ class _View:
 
 
 def hide_strangers(sight: Sight, scene: Scene, synthesis: Synthesis) -> None:
-    """Takes whoever is none of the persons for what hides them in a sight, from now on.
+    """Marks strangers as things that hide the persons in a sight, from now on.
 
-    What stands out there in an image is nobody's, and contours that the model has there count for nothing, as before
-    furniture that is painted. Of a dancer with somebody beside him 16 of 60 frames had a joint off, 29 mm on average;
-    so none has, 18 mm, as with a model of both.
+    Changes there in an image belong to no person, and contours of the model there count for nothing, as before painted
+    furniture. Of a dancer with another person beside 16 of 60 frames had a joint off, 29 mm on average; with this rule
+    none has, 18 mm, as with a model of both.
 
     Args:
         sight: the images, and the plates to compare them with.
-        scene: the persons where they are taken to be.
+        scene: the persons at their poses.
         synthesis: draws them.
     """
     found = strangers(sight, scene, synthesis)
@@ -82,14 +83,14 @@ def hide_strangers(sight: Sight, scene: Scene, synthesis: Synthesis) -> None:
 
 
 def strangers(sight: Sight, scene: Scene, synthesis: Synthesis) -> dict[int, Mask]:
-    """View -> where (H, W) somebody who is none of the persons is before them, or stands out beside them.
+    """View -> pixels (H, W) where a stranger is before the persons, or stands out beside them.
 
-    Cells of space that are foreground in all views which see them, and in two of them not near a person's silhouette,
-    are somebody's, if they are as high and thick as a body. Nothing where fewer than two views have plates.
+    Cells of space in the foreground of all views which see them, and away from persons' silhouettes in two of them,
+    belong to a stranger, if they are as high and thick as a body. Empty if fewer than two views have plates.
 
     Args:
         sight: the images, and the plates to compare them with.
-        scene: the persons where they are taken to be.
+        scene: the persons at their poses.
         synthesis: draws them.
     """
     bones = _bones(scene)
@@ -115,7 +116,7 @@ def _bones(scene: Scene) -> Array:
 
 
 def _views(sight: Sight, scene: Scene, synthesis: Synthesis, bones: Array) -> list[_View]:
-    """The views that can tell; with masks of the user's own, which show the persons alone, there are no strangers."""
+    """The views with plates; with the user's own masks, which show only the persons, there are no strangers."""
     known = [v for v in range(len(scene.rig)) if sight.lit(v) is not None and sight.frame.mask(v) is None]
     models = synthesis.silhouettes(scene) if len(known) >= 2 else ()
     views = []
@@ -133,12 +134,12 @@ def _views(sight: Sight, scene: Scene, synthesis: Synthesis, bones: Array) -> li
 
 
 def _stands_out(view: _View) -> bool:
-    """Whether something is high enough beside the persons: their shadows, on a floor, are not."""
+    """Whether something beside the persons is high enough: shadows, on a floor, are not."""
     return _has_piece_of(view.apart, (_FROM_M + _LEAST_HIGH_M) * view.px_per_m)
 
 
 def _has_piece_of(mask: Mask, least_px: float) -> bool:
-    """Whether a connected piece of a mask (h, w) is so high."""
+    """Whether a connected piece of a mask (h, w) is that high."""
     # no piece is higher than the rows with something in them that follow one another: a tenth of the time
     empty = np.flatnonzero(np.concatenate([[True], ~mask.any(axis=1), [True]]))
     if np.diff(empty).max() - 1 < least_px:
@@ -171,10 +172,10 @@ def _bodies(views: Sequence[_View], bones: Array) -> list[Array]:
 
 
 def _foreign(views: Sequence[_View], points: Array) -> Integers:
-    """Which of cells at points (N, 3) all views that see them show, and two of them beside the persons.
+    """Cells at points (N, 3) that all views which see them show, and two of them beside the persons.
 
-    Where one view shows a person and another one a stranger may be nobody: cells that two views alone show beside the
-    persons count only as far as these views need them.
+    If one view shows a person and another one a stranger, a cell may be empty: cells that only two views show beside
+    the persons count as far as these views need them.
     """
     left = np.arange(len(points))
     n_views, n_apart = np.zeros((2, len(points)), dtype=np.int64)
@@ -197,7 +198,7 @@ def _foreign(views: Sequence[_View], points: Array) -> Integers:
 
 
 def _cells(bones: Array) -> tuple[Array, tuple[int, ...]]:
-    """Middles (N, 3) of the cells around the persons, metres, and how many there are along each axis."""
+    """Middles (N, 3) of the cells around the persons, metres, and their number along each axis."""
     low = np.append(bones[:, :2].min(axis=0) - _REACH_M, bones[:, 2].min() + _FROM_M)
     high = np.append(bones[:, :2].max(axis=0) + _REACH_M, bones[:, 2].min() + _TO_M)
     axes = [np.arange(start, end, _CELL_M) for start, end in zip(low, high, strict=True)]
@@ -206,7 +207,7 @@ def _cells(bones: Array) -> tuple[Array, tuple[int, ...]]:
 
 
 def _shown(view: _View, bodies: Sequence[Array], middle: Array) -> Mask:
-    """Where (h, w) a view may show strangers: before the persons, or beside them."""
+    """Pixels (h, w) where a view may show strangers: before the persons, or beside them."""
     shown: Mask = np.zeros_like(view.model)
     for cells in bodies:
         rim = _RIM_M * _px_per_m(view.camera, cells)
@@ -219,7 +220,7 @@ def _shown(view: _View, bodies: Sequence[Array], middle: Array) -> Mask:
 
 
 def _pieces_in(region: Mask, apart: Mask) -> Mask:
-    """The pieces of what stands out beside the persons that lie in a region to a fair share."""
+    """The changed regions beside the persons of which a fair share lies in a region."""
     count, labels = cv2.connectedComponents(apart.view(np.uint8))
     inside = np.bincount(labels[region], minlength=count)
     taken = inside >= _FAIR * np.bincount(labels.ravel(), minlength=count)
@@ -229,7 +230,7 @@ def _pieces_in(region: Mask, apart: Mask) -> Mask:
 
 
 def _px_per_m(camera: Camera, points: Array) -> float:
-    """Sparse pixels of a metre where points (N, 3) are."""
+    """Sparse pixels for a metre at points (N, 3)."""
     depth = float(np.median(camera.in_camera(points)[:, 2]))
     return float(camera.matrix[0, 0]) / max(depth, 0.1) / SAMPLING
 

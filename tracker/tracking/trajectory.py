@@ -1,4 +1,4 @@
-"""What a run produces: one Step a frame, and the history that predictions are made from."""
+"""Results of a run: one Step a frame, and the history for predictions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tracker.tracking.start import FACES_RIGHTLY, Start, confidence
 
 @dataclass(frozen=True)
 class Step:
-    """One frame: what was estimated, and what is told of how it was."""
+    """One frame: the estimates, and information about them."""
 
     frame: Frame
     scene: Scene
@@ -45,33 +45,33 @@ class Step:
     """View -> why its foreground was not used."""
 
     strangers: bool = False
-    """Whether somebody who is none of the persons was beside them, and taken for what hides them."""
+    """Whether a stranger was beside the persons, and was taken for a thing that hides them."""
 
     start: Start | None = None
     """Evidence of the bootstrapping, in the frame in which it happened."""
 
     why_unfound: str = ""
-    """Why nobody was found, where persons were looked for who were in no frame before."""
+    """Why no person was found, if the search was for persons without an earlier frame."""
 
     ready: int = 0
-    """How many of the steps that follow are there already."""
+    """Number of following steps that are ready."""
 
     provisional: bool = False
-    """Whether a second pass would have followed, had the run not been interrupted: a resumed run does it again."""
+    """Whether an interruption prevented a second pass: a resumed run tracks it again."""
 
     as_tracked: tuple[Array, ...] = ()
-    """For each person the pose (dof,) that tracking goes on from, where `estimates` were brought to another moment;
-    empty where they are it."""
+    """For each person the pose (dof,) with which tracking goes on, if `estimates` were brought to another moment; empty
+    if they are it."""
 
     told_confidence: tuple[float, ...] = ()
-    """Its `start_confidence`, where the start itself is not known any more: a journal does not keep it."""
+    """Its `start_confidence`, if the start itself is unknown: a journal does not keep it."""
 
     @property
     def start_confidence(self) -> tuple[float, ...]:
-        """For each person how often starts like it are right, see `start.confidence`; empty without one.
+        """For each person the share of such starts that are right, see `start.confidence`; empty without one.
 
-        A given pose that fits less well than the same turned round is as unsure as it was, however well it was tracked:
-        who stands still looks the same from behind.
+        A given pose that fits less well than the same turned round stays unsure, however well it was tracked: a
+        standing person looks the same from behind.
         """
         if self.start is None:
             return self.told_confidence
@@ -88,7 +88,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Replay:
-    """One frame of an interrupted run, as its journal has it."""
+    """One frame of an interrupted run, from its journal."""
 
     index: int
     time_s: float
@@ -111,7 +111,7 @@ class Replay:
 
     @property
     def tracked(self) -> tuple[Estimate, ...]:
-        """The estimates that tracking goes on from."""
+        """The estimates with which tracking goes on."""
         pairs = zip(self.estimates, self.as_tracked, strict=bool(self.as_tracked))
         return tuple(replace(one, q=q) for one, q in pairs) if self.as_tracked else self.estimates
 
@@ -120,12 +120,12 @@ _FORGOTTEN_AFTER = 32
 """Frames without a search after which searches in vain are forgotten: twice the longest wait."""
 
 KEPT = 16
-"""Frames of a history at most."""
+"""Largest number of frames in a history."""
 
 
 @dataclass(frozen=True)
 class History:
-    """Poses of one person in the frames that were not lost, oldest first, and what was searched in vain."""
+    """Poses of one person in the frames without a loss, oldest first, and searches in vain."""
 
     times: Array
     """(T,) seconds."""
@@ -137,7 +137,8 @@ class History:
     """Group of parameters -> searches in vain."""
 
     unseen: Integers | None = None
-    """(V, P) for how many frames, up to the last one, a view has not shown a part that others do; None for no part."""
+    """(V, P) number of consecutive frames, up to the last one, in which a view has not shown a part that others do;
+    None for no part."""
 
     @property
     def hidden(self) -> Mask | None:

@@ -1,4 +1,4 @@
-"""A second pass: windows of a recording are tracked both ways where need be, back to where persons come in, too."""
+"""A second pass: tracks windows of a recording both ways on doubt, and back to frames in which persons come in."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from tracker.tracking.windows import SHORTEST, Pass, after, both_ways, length_of
 def track_twice(
     frames: Iterator[Frame], scene: Scene, cycle: Cycle, done: Mapping[int, Replay], reopen: Reopen
 ) -> Iterator[Step]:
-    """Tracks all persons through a sequence, and back again where need be; see `tracker.tracking.sequence.track`.
+    """Tracks all persons through a sequence, and back again on doubt; see `tracker.tracking.sequence.track`.
 
     Args:
         frames: synchronized images in order.
         scene: the persons (their poses do not matter) and the rig.
         cycle: the components.
-        done: frames already tracked by an interrupted run, by number; windows that lack none are replayed.
-        reopen: opens the sequence anew, so that uncertain start poses can be rehearsed, and looked for in later frames.
+        done: frames already tracked by an interrupted run, by number; complete windows are replayed.
+        reopen: opens the sequence anew, for rehearsals and later starts of uncertain persons.
 
     Yields:
-        One step a frame, those of a window one after the other; `ready` says how many follow at once.
+        One step a frame, those of a window one after the other; `ready` gives the number that follow at once.
 
     Raises:
-        InitializationError: no start pose was found in the first frames.
+        InitializationError: the first frames show no start pose.
     """
     give_back()
     first = next(frames, None)
@@ -60,11 +60,11 @@ def track_twice(
         if provisional:
             return
         waiting = []
-        del window, beyond, together  # or their images would be held while those of the next window are decoded
+        del window, beyond, together  # otherwise their images would be held while those of the next window are decoded
 
 
 def _given_away(steps: list[Step]) -> Iterator[Step]:
-    """The steps, each no longer held once it is taken: their images are much of what a run holds."""
+    """The steps, each released once it is taken: their images are most of a run's memory."""
     steps.reverse()
     while steps:
         yield steps.pop()
@@ -78,7 +78,7 @@ def _window_tracked(
     done: Mapping[int, Replay],
     reopen: Reopen,
 ) -> tuple[list[Step], Pass]:
-    """The frames of a window, those that an interrupted run has kept as it kept them, and where the pass is then."""
+    """The steps of a window, with kept frames of an interrupted run, and the state of the pass behind them."""
     n_kept = sum(frame.index in done for frame in window)
     if n_kept == len(window):
         steps = [replayed(frame, begin.scene, cycle, done[frame.index]) for frame in window]
@@ -91,9 +91,9 @@ def _window_tracked(
 
 
 def _with_kept(steps: list[Step], cycle: Cycle, done: Mapping[int, Replay]) -> list[Step]:
-    """The steps, those of frames that an interrupted run has kept as it kept them.
+    """The steps, with kept frames of an interrupted run unchanged.
 
-    A run that was extended keeps what it had, though more frames could say better now.
+    An extended run keeps its results, though more frames could improve them now.
     """
     return [
         replayed(step.frame, step.scene, cycle, done[step.frame.index]) if step.frame.index in done else step

@@ -1,4 +1,4 @@
-"""Which of two poses of a person the images speak for: one comparison, whoever found them."""
+"""Decides by the images between two poses of a person: one comparison for all."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from tracker.foundation.arrays import Array
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.objective import Objective
 
-# On two recordings less than this led from the right pose to a wrong one three times, and never back; more did so once
-# of seven times. See docs/lab/defaults_with_plates.md and docs/lab/one_comparison.md.
+# On two recordings a smaller lead went from the right pose to a wrong one three times, and never back; a larger one did
+# so once of seven times. See docs/lab/defaults_with_plates.md and docs/lab/one_comparison.md.
 LEAD_PX = 0.1
-"""What a pose with limbs in other places must be better by, px: more than a refinement that begins elsewhere gains."""
+"""Lead of a pose with limbs in other places, px: more than a refinement from another start gains."""
 
 
 def explains_better(objective: Objective, q: Array, other: Array) -> bool:
-    """Whether the images speak for another pose (dof,) than the one at hand (dof,).
+    """Whether the images support another pose (dof,) more than the present one (dof,).
 
-    Of the same places the distance alone decides; where limbs are in other places the colours of parts do as well, and
-    the other pose must lead by `LEAD_PX`.
+    With limbs in the same places the distance alone decides; with limbs in other places the colours of parts count as
+    well, and the other pose must lead by `LEAD_PX`.
     """
     poses = np.array([q, other])
     if not are_apart(objective.body, other, q):
@@ -32,7 +32,7 @@ def explains_better(objective: Objective, q: Array, other: Array) -> bool:
 
 
 def likelier(objective: Objective, mine: Estimate, other: Estimate) -> Estimate:
-    """The estimate that the images speak for, with the evaluations of both; see `explains_better`."""
+    """The estimate that the images support, with the evaluations of both; see `explains_better`."""
     if other is mine:
         return mine
     best = other if explains_better(objective, mine.q, other.q) else mine

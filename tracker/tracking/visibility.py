@@ -1,4 +1,4 @@
-"""In how many views persons and limbs can be seen: who has left all but one is no more measured."""
+"""The number of views that can show persons and limbs: a person in only one view is no longer measured."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ from tracker.tracking.doubt import Because, Doubt
 from tracker.tracking.estimate import Estimate
 
 _LEAST_INSIDE = 0.25
-"""Share of a person's joints inside an image that shows somebody: a leg alone does not tell who has left from whom."""
+"""Share of a person's joints inside an image that shows the person: a leg alone does not identify a person."""
 
 # See docs/lab/coming_in.md.
 _LEAST_COVERED = 0.25
-"""Share of a model's silhouette before what has changed in a view that shows the person. Right poses have 0.9 and
-more, half of a person behind a cupboard 0.5; of a man who had left three of four views poses had 0 to 0.1 there."""
+"""Share of a model's silhouette on changed pixels in a view that shows the person. Right poses have 0.9 and more, half
+of a person behind a cupboard 0.5; poses of a man who had left three of four views had 0 to 0.1 there."""
 
 _LEAST_OWN = 0.25
-"""Share of a model's silhouette outside those of the others: with less a view does not tell whose a change is."""
+"""Share of a model's silhouette outside those of the others: with less, a view cannot assign a change."""
 
 
 def judged_in_view(
     sight: Sight, scene: Scene, estimates: tuple[Estimate, ...], silhouettes: Sequence[Sequence[Mask]], least_views: int
 ) -> tuple[Estimate, ...]:
-    """The estimates, of persons whom too few views can show as lost, and of others the limbs of such as ambiguous.
+    """The estimates: persons whom too few views can show are lost, and limbs of others ambiguous.
 
-    A view that cannot tell, for it has no image, or no plate to compare with in its light, is not counted against
-    persons. A limb is as far in view as that of its parts which fewest images have inside: of a man who walked out of
-    the pictures elbows, wrists and knees were up to 0.5 m off in 12 frames, and two of these in doubt.
+    A view that cannot decide, without an image or a plate in its light, does not count against persons. A limb is as
+    far in view as that of its parts which fewest images have inside: of a man who walked out of the pictures elbows,
+    wrists and knees were up to 0.5 m off in 12 frames, and two of these in doubt.
 
     Args:
         sight: the images.
         scene: the persons at the poses of the estimates.
         estimates: one a person.
-        silhouettes: of each person in each view (H, W); none where nothing is known of backgrounds.
-        least_views: fewer are too few; of rigs with fewer all have to.
+        silhouettes: of each person in each view (H, W); empty without backgrounds.
+        least_views: least number of views; all views of a smaller rig.
     """
     least, judged = min(least_views, len(scene.rig)), list(estimates)
     placed = scene.world_from_parts()[0, :, :3, 3]
@@ -54,7 +54,7 @@ def judged_in_view(
 
 
 def _outside(silhouettes: Sequence[Mask], others: Sequence[Sequence[Mask]]) -> list[Mask]:
-    """Of a person's silhouettes (H, W) what is outside those of others; nothing where that is little."""
+    """The part of a person's silhouettes (H, W) outside those of others; None if that is small."""
     if not others:
         return list(silhouettes)
     found = []
@@ -66,7 +66,7 @@ def _outside(silhouettes: Sequence[Mask], others: Sequence[Sequence[Mask]]) -> l
 
 
 def _judged(person: Person, estimate: Estimate, n_shown: int, n_views: Integers, least: int) -> Estimate:
-    """The estimate of a person whom so many views show, with so many (P,) that have each part inside."""
+    """The estimate of a person by the number of views with the person, and with each part (P,) inside."""
     if n_shown < least:
         return estimate.losing(Doubt("", Because.FEW_VIEWS, n_shown, least))
     fewest = {group: int(n_views[person.body.parts_of(group)].min()) for group in person.body.limbs}
@@ -76,7 +76,7 @@ def _judged(person: Person, estimate: Estimate, n_shown: int, n_views: Integers,
 def _shown(sight: Sight, scene: Scene, person: Person, silhouettes: Sequence[Mask]) -> Mask:
     """(V,) views that show a person, or may do so.
 
-    A view in which somebody else hides the person does not count if another view could show the person and does not. A
+    A view in which another person hides the person does not count if a third view could show the person and does not. A
     woman had not come in yet, and her model stood beside a man: in two views it was behind him, in one half of it was
     before the floor.
     """

@@ -1,7 +1,7 @@
-"""Windows of a recording, tracked forwards and then back, the poses of both weighed frame by frame.
+"""Tracks windows of a recording forwards and then back, and weighs the poses of both frame by frame.
 
-A window with doubt in it is tracked back, and so are the first frames of somebody who is found: a pose that is wrong
-from the start on may raise no doubt. In these frames the poses of the first pass stay if the way back ends in the same
+The run tracks back a window with doubt in it, and the first frames of a new person, because a pose that is wrong from
+the start on may raise no doubt. In these frames the poses of the first pass stay if the way back ends in the same
 places. The errors of the two directions hardly coincide: a limb is lost on the way into its hiding place, and not on
 the way out of it. See `tracker.tracking.rivals`.
 """
@@ -38,42 +38,42 @@ _LONGEST, SHORTEST = 100, 16
 """Frames of a window. Limbs were wrong for 40 frames at most; a longer window takes memory, and makes a run wait."""
 
 _MOST_BYTES = 2**30
-"""Of images held at a time; where that is less than the shortest window, there is one pass."""
+"""Limit on images held at a time; if that is less than the shortest window, there is one pass."""
 
 _BEYOND = 4
-"""A window is tracked on for one in so many of its frames, so that the way back has found itself when it enters."""
+"""A window is tracked on for one in so many of its frames, so that the way back is settled when it enters."""
 
 # See docs/lab/way_back.md.
 _FIRST = 40
-"""Frames from a start on that are tracked back where nothing else asks for it: an arm took 28 to creep into place."""
+"""Frames from a start on that are tracked back without another reason: an arm took 28 to creep into place."""
 
 _ALIKE = 0.5
-"""Share of the distance from which on joints are elsewhere (`bodies.limbs.apart_m`: 14 cm of a person), up to which
-the two ways are alike. With an acquired model a wrong arm was 14.6 cm from the right one at most."""
+"""Share of the least distance of other places (`bodies.limbs.apart_m`: 14 cm of a person), up to which the two ways are
+alike. With an acquired model a wrong arm was 14.6 cm from the right one at most."""
 
 
 @dataclass(frozen=True)
 class Pass:
-    """How far the first pass is."""
+    """State of the first pass."""
 
     scene: Scene
     state: State
     before: Step | None
     n_frames: int
-    """In which somebody was looked for."""
+    """Number of frames with a search."""
 
     back: LedBack | None = None
     unconfirmed: Mapping[int, float] = field(default_factory=dict)
-    """Places and confidences of those who were rather wrongly found, and not seen without doubt since."""
+    """Places and confidences of persons who were probably found wrongly, and not seen without doubt since."""
 
 
 def length_of_windows(first: Frame) -> int:
-    """Frames that may be held at a time, of images like these."""
+    """Number of images of this size that may be held at a time."""
     return held_at_most(sum(image.nbytes for image in first.images if image is not None))
 
 
 def held_at_most(n_bytes: int) -> int:
-    """Frames that may be held at a time, of images of so many bytes together."""
+    """Number of frames that may be held at a time, with images of so many bytes together."""
     return min(_MOST_BYTES // max(n_bytes, 1) * _BEYOND // (_BEYOND + 1), _LONGEST)
 
 
@@ -89,7 +89,7 @@ def windows_of(frames: Iterator[Frame], length: int) -> Iterator[tuple[Sequence[
 
 
 def after(begin: Pass, steps: Sequence[Step], cycle: Cycle) -> Pass:
-    """Where a pass is after steps that were found in another way than by its going on."""
+    """State of a pass after steps from another way."""
     state, before = begin.state, begin.before
     for step in steps:
         sight = Sight(step.frame, cycle.plates, None if before is None else before.model_px)
@@ -102,7 +102,7 @@ def after(begin: Pass, steps: Sequence[Step], cycle: Cycle) -> Pass:
 def there(
     frames: Sequence[Frame], scene: Scene, cycle: Cycle, reopen: Reopen | None = None
 ) -> tuple[list[Step], State]:
-    """Frames that are held tracked forwards, and the state behind the last one; see `sequence.track`."""
+    """Held frames tracked forwards, and the state behind the last one; see `sequence.track`."""
     steps, reached = _forwards(frames, Pass(scene, State.before(scene), None, 0), cycle, reopen)
     return steps, reached.state
 
@@ -110,12 +110,12 @@ def there(
 def both_ways(
     window: Sequence[Frame], beyond: Sequence[Frame], begin: Pass, cycle: Cycle, reopen: Reopen
 ) -> tuple[list[Step], Pass]:
-    """The frames of a window: tracked on from where it begins, and back where there is doubt, or somebody was found.
+    """The frames of a window: tracked on from its beginning, and back after doubt, or after a person was found.
 
-    Who wants to leave meanwhile gets what the first pass has found so far.
+    A request to stop meanwhile gets the results of the first pass so far.
 
     Returns:
-        The steps, and where the pass is behind them.
+        The steps, and the state of the pass behind them.
     """
 
     def follow(by: Cycle) -> tuple[list[Step], Pass]:
@@ -126,8 +126,8 @@ def both_ways(
         whom = may_face_the_other_way(first, cycle)
         first, reached, _ = the_better_way_round(first, reached, cycle, whom, follow)
     again: list[Step] | None = None
-    # a limb that jumps was wrong before, or is wrong since, though no frame by itself is in doubt: legs exchanged from
-    # the start on fell into place in frame 26
+    # a limb that jumps was wrong before, or is wrong since, though no single frame is in doubt: legs exchanged from the
+    # start on fell into place in frame 26
     if not reached.state.nobody_found and any(_in_doubt(step, cycle.loss) for step in with_jumps(first)):
         more, onwards = _forwards(beyond, reached, cycle, reopen)
         again = back([*first, *more], cycle, onwards.state)[: len(first)]
@@ -147,28 +147,28 @@ def both_ways(
     if unconfirmed:
         judged = doubtful_in_all(judged, unconfirmed)
     if unconfirmed or found is not first:
-        # of what is told: a resumed run has nothing else to learn from
+        # of kept data: a resumed run has nothing else to learn from
         reached = after(begin, judged, cycle)
     return judged, replace(reached, back=_still_to_tell(led, window[-1]))
 
 
 def _unconfirmed(begin: Pass, steps: Sequence[Step]) -> dict[int, float]:
-    """Places of those who were rather wrongly found, here or before, and whom no frame since has confirmed."""
+    """Places of persons who were probably found wrongly, here or before, and whom no frame since has confirmed."""
     whom = rather_wrong(steps) if begin.state.nobody_found else begin.unconfirmed
     return {k: right for k, right in whom.items() if not n_sure(steps, k)}
 
 
 def _still_to_tell(back: LedBack | None, last: Frame) -> LedBack | None:
-    """The start in a later frame than those of a window: said there, in frames that are tracked on from the window."""
+    """The start in a later frame than those of a window, for frames that are tracked on from the window."""
     return None if back is None or back.index <= last.index else replace(back, replays={})
 
 
 def _found_anew(steps: Sequence[Step], first: Sequence[Step], before: Step | None) -> list[Step]:
-    """Steps of a way back with those called found anew who were lost in the frame before, not in the one after.
+    """Steps of a way back, with persons lost in the frame before, not in the one after, called found anew.
 
     Args:
-        steps: what was found in both ways.
-        first: by the first pass, which knows who was found for the first time.
+        steps: results of both ways.
+        first: by the first pass, which knows the persons found for the first time.
         before: the step before them.
     """
     told = list(steps)
@@ -187,7 +187,7 @@ def _found_anew(steps: Sequence[Step], first: Sequence[Step], before: Step | Non
 
 
 def _alike(steps: Sequence[Step], others: Sequence[Step]) -> bool:
-    """Whether everybody's joints are in the same places in both."""
+    """Whether all joints are in the same places in both."""
     return all(
         one.lost == other.lost and not are_apart(person.body, one.q, other.q, share=_ALIKE)
         for step, rival in zip(steps, others, strict=True)
@@ -196,7 +196,7 @@ def _alike(steps: Sequence[Step], others: Sequence[Step]) -> bool:
 
 
 def _gone_through(window: Sequence[Frame], cycle: Cycle) -> bool:
-    """Whether all frames were followed before, not only those up to a start: whether to turn was asked then."""
+    """Whether all frames were followed before, not only those up to a start: the turn was decided then."""
     return window[-1].index in cycle.before.estimates
 
 
@@ -206,7 +206,7 @@ def _in_doubt(step: Step, loss: LossRule) -> bool:
 
 
 def _forwards(frames: Sequence[Frame], begin: Pass, cycle: Cycle, reopen: Reopen | None) -> tuple[list[Step], Pass]:
-    """Some frames tracked on from where the first pass is, and where it is then."""
+    """Some frames tracked on from the state of the first pass, and the state behind them."""
     at, steps = begin, list[Step]()
     with Ahead(frames, cycle) as ahead:
         while not (steps and cycle.leaving()):
@@ -230,7 +230,7 @@ def back(first: Sequence[Step], cycle: Cycle, state: State) -> list[Step]:
     Args:
         first: the pass.
         cycle: the components.
-        state: that behind its last frame.
+        state: behind its last frame.
     """
 
     def frames() -> Iterator[Frame]:
