@@ -20,7 +20,7 @@ from tracker.results.alignment._equations import by_turn, without_common_motion
 from tracker.results.alignment.adjustment import FEWEST, align, in_step, turned
 from tracker.results.alignment.moments import MOST_MOMENTS, Tracked, chosen_moments, moments_of, rates_of
 from tracker.running.aligned_result import described
-from tracker.running.jobs._recorded import compared_views
+from tracker.running.jobs._record import compared_views
 from tracker.synthesis.simulation.movements import poses_of
 from tracker.synthesis.simulation.sequence import Recipe, simulate
 from tracker.tracking.initialization._person_sized import enlarged

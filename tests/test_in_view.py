@@ -301,7 +301,7 @@ def test_a_run_of_persons_who_are_never_apart_waits_for_the_first_one(
         asked.append(n_persons)
         return 3 if n_persons == 1 else None
 
-    monkeypatch.setattr("tracker.running.jobs._told.first_in_view", first)
+    monkeypatch.setattr("tracker.running.jobs._messages.first_in_view", first)
     told: list[str] = []
     cycle = cycle_for(joined_later, progress=lambda line, *_: told.append(line))
     opened = SimpleNamespace(scene=joined_later.scene, frames=joined_later.frames, sequence=None)

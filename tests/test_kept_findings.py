@@ -28,11 +28,11 @@ def told(folder: Path) -> dict[str, object]:
 
 def test_a_resumed_run_tells_what_it_has_found_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen = SimpleNamespace(delays=SimpleNamespace(told=np.ones(4, dtype=np.bool_)))
-    monkeypatch.setattr("tracker.running.jobs._told.survey", lambda *_: seen)
-    monkeypatch.setattr("tracker.running.jobs._told.other_colours", lambda _: "")
+    monkeypatch.setattr("tracker.running.jobs._messages.survey", lambda *_: seen)
+    monkeypatch.setattr("tracker.running.jobs._messages.other_colours", lambda _: "")
     monkeypatch.setattr("tracker.running.jobs.track.found_in", lambda _: (EXCHANGED,))
     late = "view BACK is late"  # told again at every end
-    monkeypatch.setattr("tracker.running.jobs._recorded.Tracks.told", lambda *_: (late,))
+    monkeypatch.setattr("tracker.running.jobs._record.Tracks.told", lambda *_: (late,))
     config = write_sequence(Recipe("arm_swing", seconds=0.16, size=(256, 208)), tmp_path / "sequence")
     start = ["initialization.use=given", "initialization.poses=truth_poses.csv", "passes=1"]
     start += ["reading.in_step=off"]

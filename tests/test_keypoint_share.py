@@ -19,7 +19,7 @@ from tracker.evidence.measures.account import Account, summed
 from tracker.evidence.measures.outlines import Comparison
 from tracker.evidence.together import TogetherEvidence
 from tracker.running.jobs import execute, load_job
-from tracker.running.jobs._told import KeypointShare
+from tracker.running.jobs._messages import KeypointShare
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 

@@ -14,7 +14,7 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence.auto import AutoEvidence
 from tracker.foundation.arrays import Array
-from tracker.running.jobs._told import told_of_start
+from tracker.running.jobs._messages import told_of_start
 from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.cycle import Cycle
 from tracker.tracking.cycle_turn import advance

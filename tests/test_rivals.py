@@ -17,7 +17,7 @@ from tracker.foundation.arrays import Array
 from tracker.foundation.resources import model_path
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.objective import Objective
-from tracker.tracking.rivals import weighed
+from tracker.tracking.verdict import weighed
 
 LIMBS = "left_arm", "right_leg"
 

@@ -25,7 +25,7 @@ from tracker.results.recording.journal import Journal
 from tracker.results.recording.overlay import Overlay
 from tracker.results.recording.run_json import RunJson
 from tracker.running.jobs import described, execute, job_from, load_job
-from tracker.running.jobs._recorded import TrackOutcome
+from tracker.running.jobs._record import TrackOutcome
 from tracker.running.jobs.track import TrackJob
 from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 from tracker.tracking.initialization.given import GivenInitialization

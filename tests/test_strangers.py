@@ -17,7 +17,7 @@ from tracker.foundation.arrays import Mask
 from tracker.foundation.resources import model_path
 from tracker.images.sight import Sight
 from tracker.results.recording._journal_line import as_kept, line_of, replay_of
-from tracker.running.jobs._told import told_of_start
+from tracker.running.jobs._messages import told_of_start
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.cycle import Cycle

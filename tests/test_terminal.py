@@ -22,7 +22,7 @@ from tracker.running.cli import app
 from tracker.running.commands import ProgressBar, evaluate
 from tracker.running.commands.run import _print_tracked
 from tracker.running.jobs import load_job
-from tracker.running.jobs._recorded import _Pace
+from tracker.running.jobs._record import _Pace
 from tracker.running.jobs.track import TrackOutcome
 from tracker.tracking.doubts import Doubts
 

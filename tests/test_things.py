@@ -13,11 +13,11 @@ import cv2
 import numpy as np
 import pytest
 from recordings import TrueStart, cycle_for, small_simulation
-from test_from_recording import QUICK
+from test_body_fit import QUICK
 
+from tracker.acquisition.body_fit import fit_bodies
 from tracker.acquisition.calibrated_views import Seen, Watching
 from tracker.acquisition.cells import CELL_M, How, Surroundings, most_moving, shown_in, sight_of, surroundings
-from tracker.acquisition.from_recording import fit_bodies
 from tracker.acquisition.shape_space import ShapePrior, space_of
 from tracker.acquisition.things import Thing, _around, carried_of, entry_of, things_of, told_of_things, tracked_with
 from tracker.bodies.body.description import BodyDescription, read_description, save_description

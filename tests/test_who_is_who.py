@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from recordings import SMALL, TrueStart, cycle_for, small_simulation
 
+from tracker.acquisition.body_fit import fit_bodies, whose
 from tracker.acquisition.calibrated_views import ViewSettings
 from tracker.acquisition.fitting import FitSettings
-from tracker.acquisition.from_recording import fit_bodies, whose
 from tracker.acquisition.result import stature_of
 from tracker.acquisition.shape_space import ShapePrior, space_of
 from tracker.bodies.body import BodyModel

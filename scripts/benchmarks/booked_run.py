@@ -19,14 +19,14 @@ STAGES = {
     "tracker.running.jobs.track:TrackJob.open": "opening",
     "tracker.running.jobs.track:looked_at": "opening",
     "tracker.running.jobs.track:first_sought": "opening",
-    "tracker.acquisition.from_recording:fit_to_views": "body, fit",
-    "tracker.acquisition.from_recording:things_of": "body, things",
+    "tracker.acquisition.body_fit:fit_to_views": "body, fit",
+    "tracker.acquisition.body_fit:things_of": "body, things",
     "tracker.running.jobs.track:with_fitted_bodies": "body, tracked",
     "tracker.running.jobs.track:without_persons": "start",
     "tracker.running.jobs.track:behind_who_stays": "start",
     "tracker.tracking.sequence:_begun": "start",
-    "tracker.running.jobs._recorded:_written": "writing",
-    "tracker.running.jobs._recorded:_finish": "writing, end",
+    "tracker.running.jobs._record:_written": "writing",
+    "tracker.running.jobs._record:_finish": "writing, end",
 }
 """Function that the main thread calls -> stage; what it calls of these has its own. What is left is the pass."""
 

@@ -96,7 +96,7 @@ RULES = (
     Rule("rehearsal", "start", "the likeliest starts are tracked some frames before one is chosen", "46",
          (f"{_TRACKING}.sequence:rehearsed",), _argument(0, "start")),
     Rule("way_round", "start", "who is mostly in doubt is begun turned round", "43",
-         (f"{_TRACKING}.windows:the_better_way_round", "tracker.acquisition.from_recording:the_better_way_round"),
+         (f"{_TRACKING}.windows:the_better_way_round", "tracker.acquisition.body_fit:the_better_way_round"),
          lambda function, given: given.places[:3], lambda found, without: found[0] is not without[0]),
     Rule("unconfirmed", "start", "a start rather wrong that no frame confirms makes all frames doubtful", "29",
          (f"{_TRACKING}.windows:doubtful_in_all",), _argument(0),

@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from tracker.acquisition.from_recording import LONGEST
+from tracker.acquisition.body_fit import LONGEST
 from tracker.bodies.scene import Scene
 from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import read_rig

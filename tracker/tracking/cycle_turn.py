@@ -24,12 +24,11 @@ from tracker.tracking.objective import Objective
 from tracker.tracking.other_places import in_likeliest_places
 from tracker.tracking.outcome import finished, still_lost
 from tracker.tracking.overlap import judged_in_space
-from tracker.tracking.rivals import weighed
 from tracker.tracking.single_view import with_vague_limbs
 from tracker.tracking.start import Start
 from tracker.tracking.strangers import hide_strangers
 from tracker.tracking.trajectory import History, Step
-from tracker.tracking.verdict import explains_better
+from tracker.tracking.verdict import explains_better, weighed
 
 
 def advance(

@@ -3,7 +3,7 @@
 The run tracks back a window with doubt in it, and the first frames of a new person, because a pose that is wrong from
 the start on may raise no doubt. In these frames the poses of the first pass stay if the way back ends in the same
 places. The errors of the two directions hardly coincide: a limb is lost on the way into its hiding place, and not on
-the way out of it. See `tracker.tracking.rivals`.
+the way out of it. See `tracker.tracking.verdict`.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from tracker.results.alignment.adjustment import at_one_moment
 from tracker.results.alignment.moments import Moment, Tracked, rates_at
 from tracker.running.jobs._delivery import brings
 from tracker.running.jobs._persons import OpenedTrack
-from tracker.running.jobs._recorded import compared_views
+from tracker.running.jobs._record import compared_views
 from tracker.synthesis import Synthesis
 from tracker.tracking.trajectory import Step
 

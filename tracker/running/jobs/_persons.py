@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from tracker.acquisition.body_fit import fit_bodies
 from tracker.acquisition.calibrated_views import ViewSettings
 from tracker.acquisition.cells import How
-from tracker.acquisition.from_recording import fit_bodies
 from tracker.acquisition.result import BoneLength, Panel, PartResidual, fit_figure, model_of
 from tracker.acquisition.scan_rigging import Fitted
 from tracker.acquisition.shape_space import space_of
@@ -42,9 +42,9 @@ from tracker.images.reading import Reading
 from tracker.images.reading import Sequence as Recording
 from tracker.results.alignment import ViewAlignment
 from tracker.results.recording.journal import Expected, OpenJournal, as_kept, line_of, open_journal
-from tracker.running.jobs._acquired import AcquireOutcome
+from tracker.running.jobs._acquisition import AcquireOutcome
 from tracker.running.jobs._delivery import brings
-from tracker.running.jobs._recorded import compared_views
+from tracker.running.jobs._record import compared_views
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.cycle import Cycle
 from tracker.tracking.estimate import Estimate

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from tracker.acquisition.body_fit import best_seen
 from tracker.acquisition.calibrated_views import (
     Seen,
     ViewSettings,
@@ -22,7 +23,6 @@ from tracker.acquisition.calibrated_views import (
 )
 from tracker.acquisition.cells import How
 from tracker.acquisition.fitting import Fit
-from tracker.acquisition.from_recording import best_seen
 from tracker.acquisition.result import Panel
 from tracker.acquisition.shape_space import space_of
 from tracker.acquisition.things import Thing, carried_of, entry_of, things_of, told_of_things, told_of_uncarried
@@ -36,7 +36,7 @@ from tracker.foundation.files import write_json, write_whole
 from tracker.foundation.progress import Progress, silent
 from tracker.images.reading import Sequence as Recording
 from tracker.running.jobs import ResultFolder, described, execute, job_from
-from tracker.running.jobs._acquired import Acquired, AcquireOutcome
+from tracker.running.jobs._acquisition import Acquired, AcquireOutcome
 from tracker.running.jobs.track import OpenedTrack, TrackJob
 from tracker.tracking.cycle import Cycle
 from tracker.tracking.sequence import track

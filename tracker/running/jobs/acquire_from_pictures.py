@@ -17,7 +17,7 @@ from tracker.foundation.configuration.components import ModelFile, component
 from tracker.foundation.progress import Progress
 from tracker.foundation.resources import model_path
 from tracker.running.jobs import ResultFolder, described
-from tracker.running.jobs._acquired import Acquired, AcquireOutcome
+from tracker.running.jobs._acquisition import Acquired, AcquireOutcome
 
 
 @component

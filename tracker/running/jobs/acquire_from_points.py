@@ -29,7 +29,7 @@ from tracker.foundation.progress import Progress
 from tracker.foundation.resources import model_path
 from tracker.points.following.tables import PointTable, read_trajectories
 from tracker.running.jobs import ResultFolder, described
-from tracker.running.jobs._acquired import Acquired, AcquireOutcome
+from tracker.running.jobs._acquisition import Acquired, AcquireOutcome
 from tracker.synthesis.cpu import CpuSynthesis
 from tracker.tracking.initialization.given import GivenInitialization
 

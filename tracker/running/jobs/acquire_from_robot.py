@@ -15,7 +15,7 @@ from tracker.foundation.files import write_json
 from tracker.foundation.progress import WARNING, Progress
 from tracker.foundation.source_files import xml_of
 from tracker.running.jobs import ResultFolder, described
-from tracker.running.jobs._acquired import MODEL, AcquireOutcome
+from tracker.running.jobs._acquisition import MODEL, AcquireOutcome
 from tracker.running.jobs._persons import save_with_skin, skinned_outcome
 
 

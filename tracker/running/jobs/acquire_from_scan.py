@@ -16,7 +16,7 @@ from tracker.foundation.files import write_json
 from tracker.foundation.progress import Progress
 from tracker.foundation.resources import model_path
 from tracker.running.jobs import ResultFolder, described
-from tracker.running.jobs._acquired import MODEL, AcquireOutcome
+from tracker.running.jobs._acquisition import MODEL, AcquireOutcome
 from tracker.running.jobs._persons import save_with_skin, skinned_outcome
 
 

@@ -48,6 +48,16 @@ from tracker.running.jobs._delivery import (
     untold,
 )
 from tracker.running.jobs._folder import Stop
+from tracker.running.jobs._messages import (
+    Findings,
+    KeypointShare,
+    first_sought,
+    looked_at,
+    run_context,
+    tell_choices,
+    telling,
+    told_before,
+)
 from tracker.running.jobs._one_moment import OneMoment
 from tracker.running.jobs._persons import (
     OpenedTrack,
@@ -58,23 +68,13 @@ from tracker.running.jobs._persons import (
     save_inputs,
     with_fitted_bodies,
 )
-from tracker.running.jobs._recorded import (
+from tracker.running.jobs._record import (
     TrackOutcome,
     Tracks,
     check_smoothing,
     compared_by_known,
     recorded,
     smoothed,
-)
-from tracker.running.jobs._told import (
-    Findings,
-    KeypointShare,
-    first_sought,
-    looked_at,
-    run_context,
-    tell_choices,
-    telling,
-    told_before,
 )
 from tracker.synthesis import Synthesis
 from tracker.tracking.cycle import Cycle

@@ -15,10 +15,10 @@ from test_easier_start import TurnedRoundAtFirst
 from test_run import killed_after
 from test_shape_space import some_shape, space
 
-import tracker.acquisition.from_recording as from_recording
+import tracker.acquisition.body_fit as body_fit
+from tracker.acquisition.body_fit import best_seen, fit_bodies
 from tracker.acquisition.calibrated_views import ViewSettings, Watching, fit_to_views, view_overlaps
 from tracker.acquisition.fitting import FitSettings
-from tracker.acquisition.from_recording import best_seen, fit_bodies
 from tracker.acquisition.shape_space import ShapePrior, space_of
 from tracker.bodies.body.description import BodyDescription, read_description, save_description
 from tracker.bodies.scene import Person, Scene
@@ -167,7 +167,7 @@ def test_who_is_in_doubt_all_the_way_there_is_followed_back_first(
         steps, state = there(*asked)  # type: ignore[arg-type]
         return [replace(one, estimates=(in_doubt(one.estimates[0], whole=True),)) for one in steps], state
 
-    monkeypatch.setattr(from_recording, "there", there_in_doubt)
+    monkeypatch.setattr(body_fit, "there", there_in_doubt)
     cycle, spaces = refining(filmed, TrueStart(filmed)), {0: space_of(general, ShapePrior())}
     found = fit_bodies(spaces, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
     assert found.told == {0: "fitted to 4 of the first 8 frames"}
@@ -247,8 +247,8 @@ def test_who_was_found_turned_round_and_not_for_sure_is_begun_the_other_way(
         steps, state = there(*asked)  # type: ignore[arg-type]
         return judged(steps), state
 
-    monkeypatch.setattr(from_recording, "there", judged_there)
-    monkeypatch.setattr(from_recording, "back", lambda *asked: judged(back(*asked)))
+    monkeypatch.setattr(body_fit, "there", judged_there)
+    monkeypatch.setattr(body_fit, "back", lambda *asked: judged(back(*asked)))
     cycle = refining(filmed, TurnedRoundAtFirst(filmed, until=N_FRAMES, at_first=sure), loss=LossRule(rehearse=0))
     found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
     assert {off_deg(step) < 20 for step in found.steps} == {sure < 0.8}
@@ -281,7 +281,7 @@ def test_the_run_starts_with_the_poses_that_bodies_were_fitted_at(
     filmed: Simulation, as_general: Scene, general: BodyDescription, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cycle = refining(filmed, TrueStart(filmed))
-    monkeypatch.setattr(from_recording, "back", None)  # nobody is in doubt, nor carries anything
+    monkeypatch.setattr(body_fit, "back", None)  # nobody is in doubt, nor carries anything
     found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
     first = next(iter(filmed.frames()))
     known = {step.frame.index: step.estimates for step in found.steps}
@@ -386,7 +386,7 @@ def test_nobody_found_is_an_error_before_anything_is_written(
 def test_a_long_recording_is_followed_through_its_first_frames_alone(
     filmed: Simulation, as_general: Scene, general: BodyDescription, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(from_recording, "LONGEST", 5)
+    monkeypatch.setattr(body_fit, "LONGEST", 5)
     cycle = refining(filmed, TrueStart(filmed))
     found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
     assert found.told == {0: "fitted to 4 of the first 5 frames"}
