@@ -149,7 +149,7 @@ def test_another_rig(simulation: Simulation, frames: tuple[Frame, ...]) -> None:
     assert any("do not meet in space" in line for line in told(frames, scene, simulation.plates))
 
 
-@pytest.mark.parametrize(("change", "words"), [(np.logical_not, "cover 9"), (np.zeros_like, "show nobody in most")])
+@pytest.mark.parametrize(("change", "words"), [(np.logical_not, "cover 9"), (np.zeros_like, "show no person in most")])
 def test_masks_that_are_inverted_or_empty(
     change: Callable[[Array], Array], words: str, simulation: Simulation, frames: tuple[Frame, ...]
 ) -> None:

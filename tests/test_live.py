@@ -106,7 +106,7 @@ def test_images_are_delivered_as_is_asked(numbered: Path) -> None:
         ({}, "expected cameras = "),
         ({"cameras": {"east": 0}, "path": "{view}.mp4"}, "expected cameras = "),
         ({"cameras": {"eats": 0}}, 'no camera "eats" in the rig; did you mean "east"'),
-        ({"cameras": {"east": 0}}, "none is told for north, west"),
+        ({"cameras": {"east": 0}}, "north, west missing"),
         ({"path": "{view}.avi"}, 'view "east": no file'),
         ({"cameras": dict.fromkeys(VIEWS, 97)}, 'view "east": no camera number 97 on this machine'),
         ({"cameras": dict.fromkeys(VIEWS, "http://127.0.0.1:9/x")}, "no stream that can be read"),

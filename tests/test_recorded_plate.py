@@ -74,8 +74,8 @@ def test_who_walks_about_is_not_in_the_plate(light: float) -> None:
 @pytest.mark.parametrize(
     ("boxes", "words"),
     [
-        (STANDING, "somebody stays in one place"),
-        (LEAVING, "somebody stays in one place|nobody moves"),
+        (STANDING, "a person stays in one place"),
+        (LEAVING, "a person stays in one place|no person moves"),
         (STILL, "nobody moves"),
         (WALKING[:5], "5 images to make it of"),
     ],

@@ -1,4 +1,4 @@
-"""Images: how they are read, what differs from a clean plate, which edges they show, and a look at them before a run.
+"""Images: reading them, differences from a clean plate, edges, and an inspection before a run.
 
-It is told what to expect, and finds no poses. It imports `bodies`, `cameras`, `kernels` and `foundation`.
+It gets the expected contours, and finds no poses. It imports `bodies`, `cameras`, `kernels` and `foundation`.
 """

@@ -1,4 +1,4 @@
-"""What a video file tells of its film: which of its streams it is, whether it has a clock, what its pictures are."""
+"""Information in a video file: its films, its clock, the kind of its pictures."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tracker.foundation.errors import ConfigError, SequenceError
 from tracker.foundation.files import replacing, write_whole
 
 _JPEG_QUALITY = 92
-"""Of 100: text and thin lines stay sharp."""
+"""JPEG quality, of 100: text and thin lines stay sharp."""
 
 
 def write_picture(path: Path, picture: Image) -> None:
@@ -45,7 +45,7 @@ def write_picture(path: Path, picture: Image) -> None:
 
 @contextmanager
 def film_writer(path: Path, fps: float, **options: str) -> Iterator[Callable[[Image], None]]:
-    """A film, H.264 in MP4, that pictures are added to.
+    """A film, H.264 in MP4, to which pictures are added.
 
     Args:
         path: of the file.
@@ -53,7 +53,7 @@ def film_writer(path: Path, fps: float, **options: str) -> Iterator[Callable[[Im
         options: of the encoder, for instance its `preset` and `crf`.
 
     Yields:
-        What adds a picture (h, w, 3), BGR, as large as the first one.
+        A function that adds a picture (h, w, 3), BGR, as large as the first one.
     """
     streams: list[VideoStream] = []
     with replacing(path) as unfinished, av.open(str(unfinished), "w", format="mp4") as container:
@@ -83,10 +83,11 @@ _HDR = {16: "PQ", 18: "HLG"}
 """Transfer characteristics of ITU-T H.273."""
 
 _CAPTURED = "com.android.capture.fps"
-"""Metadata of telephones: frames a second as filmed, which slow motion tells otherwise."""
+"""Metadata of telephones: the filmed frame rate, which differs in slow motion."""
 
 _OTHER_RATE = 1.1
-"""Factor between two rates that no clock explains: slow motion has 2 and more, a rate that varies in the dark 1.05."""
+"""Ratio of two rates without an explanation by clocks: slow motion has 2 and more, a rate that varies in the dark
+1.05."""
 
 
 _ANY_SIGNS: dict[str, Any] = {"metadata_errors": "replace"} if int(av.__version__.split(".")[0]) < 19 else {}
@@ -94,30 +95,31 @@ _ANY_SIGNS: dict[str, Any] = {"metadata_errors": "replace"} if int(av.__version_
 
 
 def opened(path: Path) -> InputContainer:
-    """A file to read; whoever opens it closes it, by `with`.
+    """A file to read, closed by `with`.
 
     Raises:
-        av.FFmpegError: it is no file that FFmpeg knows.
+    Raises:
+        av.FFmpegError: FFmpeg does not know the file.
     """
     container: InputContainer = av.open(str(path), **_ANY_SIGNS)
     return container
 
 
 def films_of(container: InputContainer) -> list[VideoStream]:
-    """The video streams of a file that are films: no cover, no preview, none of an unknown codec, which has no size."""
+    """The video streams of a file that are films: no covers, previews or unknown codecs, which have no size."""
     known = (stream for stream in container.streams.video if stream.codec_context is not None)
     return [stream for stream in known if not stream.disposition & _NO_FILM]
 
 
 def film_of(container: InputContainer, size: tuple[int, int] | None = None) -> tuple[int, str]:
-    """Which of a file's video streams is read: the first one of the size, else of the largest.
+    """The video stream to read: the first one of the size, else the largest.
 
     Args:
         container: the file.
-        size: width and height that the images should have, either way up; None where nothing tells.
+        size: width and height of the images, either way up; None if unknown.
 
     Returns:
-        Its number among the file's video streams, and a word where there were others to choose from.
+        Its number among the file's video streams, and a message if there were others.
 
     Raises:
         SequenceError: there is none.
@@ -149,18 +151,18 @@ def _areas(films: list[VideoStream]) -> list[int]:
 
 
 def has_clock(container: InputContainer) -> bool:
-    """Whether the file tells when its images were taken: streams without a container, and rows of pictures, do not."""
+    """Whether the file has times of its images: streams without a container, and rows of pictures, have none."""
     name = container.format.name
     return not container.format.flags & _NO_CLOCK and not name.endswith("_pipe") and name != "image2"
 
 
 def hinted_fps(film: VideoStream) -> float:
-    """Frames a second that the coded pictures themselves hint at (as H.264 may, in its VUI); 0 where they do not."""
+    """Frame rate in the coded pictures themselves (as H.264 may have, in its VUI); 0 without one."""
     return float(film.codec_context.framerate or 0)
 
 
 def told_of_pictures(container: InputContainer, film: VideoStream, fps: float) -> Iterator[str]:
-    """What its metadata and its first image tell that nothing makes good, in some words each.
+    """Properties in its metadata and its first image that nothing corrects, in some words each.
 
     Args:
         container: the file.
@@ -210,7 +212,7 @@ def _told_of_image(image: av.VideoFrame, stereo_told: bool) -> Iterator[str]:
 
 
 def _check_shown(matrix: bytes) -> None:
-    """Refuses what is to be shown mirrored; turns are `VideoFrame.rotation`'s."""
+    """Refuses mirrored films; turns are `VideoFrame.rotation`'s."""
     a, b, _, c, d = struct.unpack("=5i", matrix[:20])
     if a * d - b * c < 0:
         raise SequenceError(

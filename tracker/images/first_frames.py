@@ -1,4 +1,4 @@
-"""The first frames of a recording, decoded once: several look at them before the recording is tracked."""
+"""The first frames of a recording, decoded once for all inspections before the tracking."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from itertools import chain, islice
 from tracker.cameras.frame import Frame
 
 _LEFT_BEHIND = 1.25
-"""The frames are forgotten once somebody has read more than so many times as many: the tracking is past its first
-window then, and what is tracked on from it (`tracker.tracking.windows`)."""
+"""The frames are forgotten once a reader has passed twice their number: the tracking is past its first window then, and
+the frames after it (`tracker.tracking.windows`)."""
 
 
 class FirstFrames:
-    """Opens a recording again and again, and keeps its first frames as long as they are looked at.
+    """Opens a recording again and again, and keeps its first frames while they are needed.
 
-    Input is inspected, persons are looked for, bodies are fitted and then all is tracked: 100 frames of four views of
-    720 x 576 took 1.2 s of CPU to decode, three or four times.
+    The inspection, the search for persons, the fit of bodies and then the tracking read them: 100 frames of four views
+    of 720 x 576 took 1.2 s of CPU to decode, three or four times.
     """
 
     def __init__(self, opened: Callable[[], Iterator[Frame]], n_kept: int) -> None:
@@ -25,7 +25,7 @@ class FirstFrames:
 
         Args:
             opened: opens the recording anew, from its first frame on.
-            n_kept: frames that are kept.
+            n_kept: number of kept frames.
         """
         self._opened, self._n_kept = opened, n_kept
         self._kept: list[Frame] = []
@@ -34,7 +34,7 @@ class FirstFrames:
         self._lock = threading.Lock()
 
     def __call__(self) -> Iterator[Frame]:
-        """All frames in order; several may be on their way at a time, in threads of their own."""
+        """All frames in order; several readers may run at a time, in their own threads."""
         k = 0
         while (frame := self._kept_at(k)) is not None:
             yield frame
@@ -46,7 +46,7 @@ class FirstFrames:
                 self._forget()
 
     def _kept_at(self, k: int) -> Frame | None:
-        """A frame that is kept, perhaps from now on; None at the end, and for those that are not."""
+        """A kept frame, perhaps decoded now; None at the end, and beyond the kept frames."""
         with self._lock:
             if k == len(self._kept) < self._n_kept and not self._all_kept:
                 self._decoding = self._decoding or self._opened()
@@ -59,12 +59,12 @@ class FirstFrames:
             return self._kept[k] if k < len(self._kept) else None
 
     def _look_beyond(self, decoding: Iterator[Frame]) -> None:
-        """Whether there is a frame after those that are kept: a recording of just as many is not decoded for none."""
+        """Whether there is a frame after the kept ones: a recording of exactly as many is not decoded in vain."""
         beyond = list(islice(decoding, 1))
         self._decoding, self._all_kept = chain(beyond, decoding), not beyond
 
     def _after(self, k: int) -> Iterator[Frame]:
-        """The frames from number k on: whoever is first goes on decoding, others begin anew."""
+        """The frames from number k on: the first reader goes on decoding, others begin anew."""
         with self._lock:
             if self._all_kept:
                 return iter(())
@@ -74,6 +74,6 @@ class FirstFrames:
         return islice(self._opened(), k, None)
 
     def _forget(self) -> None:
-        """Keeps nothing any more; who comes later decodes for himself."""
+        """Keeps nothing any more; later readers decode for themselves."""
         with self._lock:
             self._kept, self._n_kept, self._decoding = [], 0, None

@@ -1,4 +1,4 @@
-"""What lies in a folder of recordings: videos, or numbered images, one view each, and pictures spread over them."""
+"""Footage in a folder of recordings: videos, or numbered images, one view each, and sample pictures of them."""
 
 from __future__ import annotations
 
@@ -31,20 +31,19 @@ PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff"}
 FRAME = "{frame}"
 """In a path: the number of an image."""
 _NUMBER = re.compile(r"(.*?)(\d+)(\D*)")
-"""The last number in a name is that of the frame."""
+"""The last number in a name is the frame's."""
 
 _FEWEST = 2
-"""Images that are a recording, and folders of cameras."""
+"""Least number of images of a recording, and largest number of folders of cameras."""
 
 PLATE_WORDS = "background", "backdrop", "plate", "empty", "bg"
 KEYPOINT_WORDS = "keypoint", "detection", "openpose"
 _CALIBRATION_WORDS = "calib", "charuco", "chess", "checker", "board", "intrinsic", "extrinsic"
 _BESIDE_WORDS = (*PLATE_WORDS, *KEYPOINT_WORDS, *_CALIBRATION_WORDS)
-"""What files and folders beside a recording are called: the empty room, what a detector has found, what calibrates the
-cameras."""
+"""Names of files and folders beside a recording: the empty room, a detector's keypoints, targets for calibration."""
 
 _CAMERA_WORDS = "cam", "camera", "view", "gopro", "webcam", "phone", "kinect"
-"""What folders of a camera each are called where they hold several videos."""
+"""Names of folders, one a camera, that may hold several videos."""
 
 _DEEPEST = 4
 """Folders between that of a camera and its video: OpenCap has `Videos/Cam0/InputMedia/TRIAL/TRIAL.mov`."""
@@ -62,14 +61,14 @@ class Footage:
     view: str
     size: tuple[int, int]
     fps: float
-    """0 for images and for streams without a container, which do not tell."""
+    """Frame rate; 0 for images and for streams without a container, which have none."""
 
     n_frames: int
-    """0 where the header does not tell."""
+    """Number of frames; 0 if the header has none."""
 
 
 def listed(folder: Path) -> list[Path]:
-    """What is in a folder and not hidden.
+    """Entries of a folder that are not hidden.
 
     Raises:
         SequenceError: it cannot be read.
@@ -82,10 +81,10 @@ def listed(folder: Path) -> list[Path]:
 
 
 def sources(folder: Path) -> list[Path]:
-    """The videos in a folder; where there are none, numbered images in it or in its folders, with `{frame}`.
+    """The videos in a folder; without any, numbered images in it or in its folders, with `{frame}`.
 
-    Where there are none either, the videos in its folders, if these are one a camera. Plates and what calibrates the
-    cameras are left out, for their names, if anything else is there.
+    Without these either, the videos in its folders, if there is one a camera. Plates and recordings for calibration are
+    left out, by their names, if there is anything else.
 
     Raises:
         SequenceError: there are none, or the folder cannot be read.
@@ -95,7 +94,7 @@ def sources(folder: Path) -> list[Path]:
 
 
 def board_sources(folder: Path) -> list[Path]:
-    """The same of a folder of recordings that calibrate the cameras: those called so, if some are.
+    """The same for recordings that calibrate the cameras: those with such names, if there are some.
 
     Raises:
         SequenceError: there are none, or the folder cannot be read.
@@ -124,7 +123,7 @@ _SHORT = 4
 
 
 def _a_folder_each(folder: Path) -> list[Path]:
-    """The videos of folders that are one a camera: one in each, or several where the folders are called so."""
+    """The videos of folders that are one a camera: one in each, or several if the folders have such names."""
     inner = [path for path in listed(folder) if path.is_dir() and not says(path.name, _BESIDE_WORDS)]
     found = {path: videos for path in inner if (videos := _deep_videos(path))}
     single = all(len(videos) == 1 for videos in found.values())
@@ -134,7 +133,7 @@ def _a_folder_each(folder: Path) -> list[Path]:
 
 
 def _deep_videos(folder: Path, depth: int = _DEEPEST) -> list[Path]:
-    """The videos in a folder, or in the first folders below it that have some; plates and boards are none."""
+    """The videos in a folder, or in the first folders below it that have some; without plates and boards."""
     if found := [path for path in _videos(folder) if not says(path.stem, _BESIDE_WORDS)]:
         return found
     inner = [path for path in listed(folder) if path.is_dir() and not path.is_symlink()] if depth else []
@@ -150,7 +149,7 @@ def _videos(folder: Path) -> list[Path]:
 
 
 def _numbered(folder: Path) -> list[Path]:
-    """Images called alike but for a number: in each folder those that are most, or all kinds in the folder itself."""
+    """Images with equal names except for a number: the most frequent of each folder, or all of the folder."""
     inner = [sorted(_series(path).items(), key=lambda one: -one[1]) for path in listed(folder) if path.is_dir()]
     own = _series(folder)
     return sorted(own) or sorted(series[0][0] for series in inner if series)
@@ -184,7 +183,7 @@ def pattern_of(found: list[Path], folder: Path, rig: Rig | None) -> tuple[Path, 
 
 
 def own_name(source: Path, found: list[Path]) -> str:
-    """What a view is called if no rig tells: its file, or its folder where that alone tells it from the others."""
+    """Name of a view without a rig: its file, or its folder if only that differs."""
     before, frame, _ = source.stem.partition(FRAME)
     if frame:
         return before.rstrip("_-. ") or source.parent.name
@@ -205,7 +204,7 @@ def patterns(source: Path, folder: Path, name: str) -> Iterator[Path]:
 
 
 def with_view(text: str, name: str) -> list[str]:
-    """A text with `{view}` for a name: in its last place, everywhere, in each other place; nothing if it is in none.
+    """A text with `{view}` for a name: in its last place, everywhere, in each other place; empty without the name.
 
     Short names are in other words, too: `1` in `1_trial1`, `a` in `background_a`.
     """
@@ -217,7 +216,7 @@ def with_view(text: str, name: str) -> list[str]:
 def _shown_size(container: InputContainer, stream: VideoStream) -> tuple[int, int]:
     """Width and height of a video's images as they are shown: its metadata may turn them."""
     turned = False
-    with contextlib.suppress(av.FFmpegError, StopIteration, ValueError):  # what cannot be decoded is said by a run
+    with contextlib.suppress(av.FFmpegError, StopIteration, ValueError):  # faults of decoding are reported by a run
         turned = next(container.decode(stream)).rotation % 180 != 0
     return (stream.height, stream.width) if turned else (stream.width, stream.height)
 
@@ -235,7 +234,7 @@ def numbered_images(source: Path) -> list[Path]:
 
 
 def header(source: Path, view: str) -> Footage:
-    """What a video's header, or the first image, tells.
+    """Information in a video's header, or in the first image.
 
     Raises:
         SequenceError: it cannot be read.
@@ -256,7 +255,7 @@ def header(source: Path, view: str) -> Footage:
 
 
 _MOST_DECODED = 1500
-"""Frames that are decoded of a film with few key frames, from its first one on."""
+"""Frames decoded of a film with few key frames, from its first one on."""
 
 _Item = TypeVar("_Item")
 
@@ -264,11 +263,11 @@ _Item = TypeVar("_Item")
 def spread_pictures(source: Path, n: int) -> list[Image]:
     """Up to n pictures of one view.
 
-    Of a film these are key frames, which are decoded by themselves, if it has so many.
+    Of a film these are key frames, which decode separately, if it has as many.
 
     Args:
         source: a film, or images with `{frame}` for their number.
-        n: how many.
+        n: number of pictures.
 
     Returns:
         Pictures (h, w, 3) BGR.
@@ -299,7 +298,7 @@ def _decoded(path: Path, skipped: Literal["DEFAULT", "NONKEY"]) -> Iterator[av.V
 
 
 def _spread(items: Iterable[_Item], n: int) -> list[_Item]:
-    """Up to n of them, evenly spread; never more than twice as many are held."""
+    """Up to n of them, evenly spread; at most twice as many are held."""
     kept: list[_Item] = []
     stride = 1
     for k, item in enumerate(items):

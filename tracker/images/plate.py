@@ -1,4 +1,4 @@
-"""A clean plate: what a view shows without persons, and how it compares with an image in the light of it."""
+"""A clean plate: a view without persons, and its comparison with an image in the image's light."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _RATIO = 0.75
 # Of the small picture: a choice.
 _OFF_PX = 2.0
 LEAST_INLIERS = 40
-"""Features in common under which a plate does not belong to an image."""
+"""Least number of common features of a plate and an image of one view."""
 
 # Every ninth pixel is enough for 24 levels of grey.
 _THIN, _LEVELS = 3, 24
@@ -29,17 +29,17 @@ _THIN, _LEVELS = 3, 24
 def aligned(plate: Image, image: Image) -> tuple[Image, int]:
     """The plate as the image's camera sees it, in the image's light.
 
-    A camera that only turned or zoomed maps one picture to the other by a homography, whatever the scene; it is
-    found from features (Lowe, IJCV 2004) of which most agree (MAGSAC, Barath et al., CVPR 2020), so that what has
-    moved does not matter. Each channel then gets the image's brightness, by a curve of its own.
+    A camera that only turned or zoomed maps one picture to the other by a homography, whatever the scene. It is found
+    from features (Lowe, IJCV 2004) of which most agree (MAGSAC, Barath et al., CVPR 2020), so that moved things do not
+    matter. Each channel then gets the image's brightness, by a curve of its own.
 
     Args:
         plate: (h', w', 3) BGR, of any size.
         image: (h, w, 3) BGR.
 
     Returns:
-        (h, w, 3) the plate, with the image itself beyond its border; and the number of features that agree. Under
-        `LEAST_INLIERS` it is not to be trusted.
+        (h, w, 3) the plate, with the image itself beyond its border; and the number of features that agree. Below
+        `LEAST_INLIERS` it is not reliable.
     """
     points, others = _matches(plate, image)
     if len(points) < LEAST_INLIERS:
@@ -58,7 +58,7 @@ def aligned(plate: Image, image: Image) -> tuple[Image, int]:
 
 
 def _matches(plate: Image, image: Image) -> tuple[Array, Array]:
-    """Positions (N, 2) of features that look the same, px in each picture."""
+    """Positions (N, 2) of equal features, px in each picture."""
     found = []
     for picture in (plate, image):
         scale = min(1.0, _FEATURES_WIDTH / max(picture.shape[:2]))
@@ -79,7 +79,7 @@ def _matches(plate: Image, image: Image) -> tuple[Array, Array]:
 
 
 def _in_light_of(plate: Image, image: Image, covered: Array) -> Image:
-    """The plate with the grey levels of each channel mapped to those that the image mostly shows in their place."""
+    """The plate with the grey levels of each channel mapped to the image's usual ones."""
     lit = np.empty_like(plate)
     thin = (slice(None, None, _THIN),) * 2
     for c in range(3):
@@ -97,31 +97,30 @@ def _in_light_of(plate: Image, image: Image, covered: Array) -> Image:
 
 
 MOST_LEVEL = 80.0
-"""Threshold (6 sigmas of the noise, grey levels) above which a plate is of no use. Noise and a soft lens before a wall
-full of sharp lines make it 44; in changing light that was not corrected it rose to 145 and hid 1415 of a view's 1542
+"""Threshold (6 sigmas of the noise, grey levels) above which a plate is useless. Noise and a soft lens before a wall
+full of sharp lines make it 44; in changing light without correction it rose to 145 and hid 1415 of a view's 1542
 edges: their geometric mean."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plate:
-    """A view without persons; what every frame needs of it is made once."""
+    """A view without persons; derived pictures for the frames are made once."""
 
     picture: Image
     """(h, w, 3) BGR, read-only."""
 
     unknown: Mask | None = None
-    """(h, w) where the picture may show a person: nothing is foreground there, and nothing is background for sure. None
-    for nowhere."""
+    """(h, w) pixels where the picture may show a person: neither foreground nor background there is sure. None for
+    none."""
 
     occluder: Mask | None = None
-    """(h, w) where something stands before the persons: it hides them, so nothing is known there either. None for
-    nowhere."""
+    """(h, w) pixels of a thing before the persons: it hides them, so nothing is known there either. None for none."""
 
     recorded: bool = False
-    """Whether it was made of a recording with persons."""
+    """Whether it was made from a recording with persons."""
 
     stays: bool = False
-    """Whether somebody stays before it, so that it is unknown behind them: it tells of what they move alone."""
+    """Whether a person stays before it, so that it is unknown behind: it only shows the background of moving limbs."""
 
     def __post_init__(self) -> None:
         if self.picture.flags.writeable or self.picture.base is not None:
@@ -134,7 +133,7 @@ class Plate:
             object.__setattr__(self, "unknown", frozen(self.unknown, np.bool_) if self.unknown.any() else None)
 
     def hidden_by(self, occluder: Mask) -> Plate:
-        """The same with something (h, w) more before the persons."""
+        """The same with more pixels (h, w) before the persons."""
         hidden = replace(self, occluder=occluder if self.occluder is None else self.occluder | occluder)
         hidden.__dict__.update(
             {name: self.__dict__[name] for name in ("fine", "coarse", "sparse") if name in self.__dict__}
@@ -163,7 +162,7 @@ class Plate:
 
 
 def in_light_of(image: Image, plate: Plate) -> Image:
-    """The plate's picture (h, w, 3) as it would look in the light of an image."""
+    """The plate's picture (h, w, 3) in the light of an image."""
     light = light_of(sparse(image), plate.sparse)
     return plate.picture if light is None else light.on(plate.picture)
 
@@ -174,10 +173,10 @@ def threshold_level(image: Image, plate: Plate, sigmas: float = 6.0, least: floa
 
 
 class Lit(NamedTuple):
-    """How an image is compared with its plate."""
+    """Comparison of an image with its plate."""
 
     light: Light | None
-    """Of the image against that of the plate; None for pictures too small to tell."""
+    """Light of the image against that of the plate; None for very small pictures."""
 
     level: float
     """Threshold of their difference from the noise of the whole image, grey levels."""
@@ -189,8 +188,8 @@ class Lit(NamedTuple):
 def lit_by(image: Image, plate: Plate, sigmas: float = 6.0, least: float = 14.0) -> Lit:
     """The light of an image (h, w, 3) against its plate's, and the threshold of their difference.
 
-    The median of the differences to the plate in the image's light is the noise of the background, which covers most
-    of the image; a sixteenth of the pixels is enough to find it.
+    The median of the differences to the plate in the image's light is the noise of the background, which covers most of
+    the image; a sixteenth of the pixels is enough.
     """
     now = sparse(image)
     light = light_of(now, plate.sparse)
@@ -216,13 +215,13 @@ def cut(picture: Image, region: Region, margin: int) -> Image:
     return cv2.copyMakeBorder(part, *lacking, cv2.BORDER_REFLECT_101) if any(lacking) else part
 
 
-# What differs from a clean plate in an image: all of it, and without shadows and specks the moving foreground.
+# Differences of an image from a clean plate: all of them, and without shadows and specks the moving foreground.
 
-# A shadow keeps the colour to 8 grey levels and loses up to 55 % of the light. Grey trousers before a grey floor
-# keep the colour too: where the texture does not show (correlation 0.7), only up to 20 % of loss is always a shadow,
-# and a region that loses more is one if its outline is wider than 8 px. An object's is as wide as the camera and
-# the smoothing make it, 4 px; with 6 to 12 px the results on four rendered recordings are the same, and the
-# precision in the demonstration, whose floor is smooth, rises from 0.84 to 0.96 at the same recall.
+# A shadow keeps the colour to 8 grey levels and loses up to 55 % of the light. Grey trousers before a grey floor keep
+# the colour too: where the texture does not show (correlation 0.7), only a loss of up to 20 % is always a shadow, and a
+# region that loses more is one if its outline is wider than 8 px. An object's is as wide as the camera and the
+# smoothing make it, 4 px; with 6 to 12 px the results on four rendered recordings are the same, and the precision in
+# the demonstration, whose floor is smooth, rises from 0.84 to 0.96 at the same recall.
 _SHADOW: ShadowRule = (0.45, 0.8, 0.97, 8.0, 0.7, 8.0)
 
 # Opening with the square removes single pixels, closing with the disc fills holes of 6 px.
@@ -241,13 +240,13 @@ def difference(image: Image, plate: Plate) -> Image:
 
 
 def departing(image: Image, plate: Plate, sigmas: float) -> Mask | None:
-    """Pixels (h, w) that differ from the plate, shadows included; None where everything does: see `MOST_LEVEL`."""
+    """Pixels (h, w) that differ from the plate, shadows included; None if everything does: see `MOST_LEVEL`."""
     level = threshold_level(image, plate, sigmas)
     return None if level > MOST_LEVEL * sigmas / 6.0 else difference(image, plate) > level
 
 
 def sparse_changes(lit: Lit) -> Mask | None:
-    """Every fourth pixel (h / 4, w / 4) that differs from the plate, shadows included; None where everything does."""
+    """Every fourth pixel (h / 4, w / 4) that differs from the plate, shadows included; None if everything does."""
     if lit.level > MOST_LEVEL:
         return None
     opened: Mask = cv2.morphologyEx((lit.differences > lit.level).view(np.uint8), cv2.MORPH_OPEN, _SQUARE) > 0
@@ -255,13 +254,13 @@ def sparse_changes(lit: Lit) -> Mask | None:
 
 
 class Changed(NamedTuple):
-    """What differs from a plate; false outside the region looked at."""
+    """Differences from a plate; false outside the examined region."""
 
     moving: Mask
-    """(h, w) all pixels that have changed, shadows included, and those of which the plate does not know."""
+    """(h, w) all changed pixels, shadows included, and those unknown to the plate."""
 
     foreground: Mask
-    """(h, w) those that have changed for sure and are no shadow, cleaned of specks and small holes."""
+    """(h, w) surely changed pixels without shadows, cleaned of specks and small holes."""
 
     level: float
     """Threshold from the noise of the whole image, grey levels."""
@@ -274,9 +273,9 @@ def changed(image: Image, plate: Plate, region: Region | None = None, lit: Lit |
 
     Args:
         image: BGR (h, w, 3), of the plate's size.
-        plate: what the view shows without persons.
-        region: x, y, width, height to look in, px; None for the whole image.
-        lit: of the image, where it is known.
+        plate: the view without persons.
+        region: x, y, width, height to examine, px; None for the whole image.
+        lit: of the image, if known.
     """
     region = region or (0, 0, image.shape[1], image.shape[0])
     lit = lit or lit_by(image, plate)
@@ -298,7 +297,7 @@ def changed(image: Image, plate: Plate, region: Region | None = None, lit: Lit |
 
 
 def _known(moving: Mask, mask: Mask, level: float, plate: Plate, region: Region) -> Changed:
-    """What has changed in a region, where the plate knows."""
+    """Changes in a region, where the plate knows."""
     if plate.unknown is not None:
         inside = _slices(region)
         moving[inside] |= plate.unknown[inside]
@@ -331,7 +330,7 @@ def _slices(region: Region) -> tuple[slice, slice]:
 
 
 def _grown(x: int, y: int, width: int, height: int, region: Region) -> Region:
-    """A box given in a region, with all that the cleaning can reach, inside the region; in px of the image."""
+    """A box in a region, with the reach of the cleaning, inside the region; in px of the image."""
     left, top = max(x - _CARRIED, 0), max(y - _CARRIED, 0)
     right, bottom = min(x + width + _CARRIED, region[2]), min(y + height + _CARRIED, region[3])
     return region[0] + left, region[1] + top, right - left, bottom - top

@@ -1,4 +1,4 @@
-"""One frame's images before what is known to be there without persons, and what has been found in them so far."""
+"""One frame's images beside the views without persons, with all results found in them so far."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tracker.foundation.arrays import Array, Array32, Integers, Mask, Region, fr
 from tracker.images.plate import MOST_LEVEL, Lit, Plate, changed, lit_by, sparse_changes
 
 HIDDEN = -1e6
-"""In a chamfer image: what is there is hidden. So far below any distance that interpolating it leaves it negative."""
+"""Value in a chamfer image: the place is hidden. So far below any distance that interpolating it leaves it negative."""
 
 
 @dataclass(frozen=True)
@@ -35,26 +35,26 @@ class ViewObservation:
     segment that the background explains are left out."""
 
     scene: Integers
-    """(S,) indices of the edge points that stand for the accepted contours, evenly thinned."""
+    """(S,) indices of the edge points that represent the accepted contours, evenly thinned."""
 
     scene_weights: Array32
-    """(S,) contour length each of them stands for, px; less for edges that matter less."""
+    """(S,) contour length of each of them, px; less for less important edges."""
 
     origin: tuple[int, int]
     """Pixel (x, y) of the chamfer image's upper left corner."""
 
     distance: Array32
     """(h, w) chamfer image: distance to the nearest accepted edge point, px; clamped at its reach. `HIDDEN` where
-    something stands before the persons."""
+    something is before the persons."""
 
     reach: float
     """Value of the chamfer image outside its region, px."""
 
     silhouette: Mask | None = None
-    """(H, W) the region whose outline the edges are, where they are one."""
+    """(H, W) the region whose outline the edges are, if there is one."""
 
     def hidden_by(self, occluder: Mask) -> ViewObservation:
-        """The same where something stands before the persons (H, W): contours there count for nothing."""
+        """(H, W) things before the persons: contours there count for nothing."""
         (x, y), (height, width) = self.origin, self.distance.shape
         part = occluder[y : y + height, x : x + width]
         return replace(self, distance=frozen(np.where(part, np.float32(HIDDEN), self.distance), np.float32))
@@ -67,7 +67,7 @@ class PackedEdges(NamedTuple):
     """Chamfer images, px."""
 
     regions: Integers
-    """(V, 5) where each lies in `images`; `tracker.kernels.rows.RegionRow` names the columns."""
+    """(V, 5) the place of each in `images`; `tracker.kernels.rows.RegionRow` names the columns."""
 
     points: Array32
     """(S, 5) scene points, each view's sorted by y; `tracker.kernels.rows.ScenePointRow` names the columns."""
@@ -142,17 +142,17 @@ _LEAST_MODEL = 0.002
 
 
 LEAST_COVERED = 0.75
-"""Of models' silhouettes so much is before what has changed or is not known where plates do not show the persons, see
-`Sight.covered`: 0.89 to 1 in every view of 14 right starts on recordings. Of a woman who sits while somebody else
+"""Least share of the models' silhouettes on changed or unknown pixels with plates that show no persons, see
+`Sight.covered`: 0.89 to 1 in every view of 14 right starts on recordings. Of a woman who sits while another person
 passes by 0.47, of a man of whom only the arms move 0.71 at most."""
 
 
 @dataclass(frozen=True)
 class Changes:
-    """What differs from the clean plate of a view; false outside the region looked at."""
+    """Differences from the clean plate of a view; false outside the examined region."""
 
     moving: Mask
-    """(H, W) all pixels that have changed, shadows included."""
+    """(H, W) all changed pixels, shadows included."""
 
     silhouette: Mask
     """(H, W) the moving foreground."""
@@ -161,23 +161,23 @@ class Changes:
     """Why it is not to be used; empty if it is."""
 
     in_its_light: bool = True
-    """Whether the plate shows what the view would without persons; else everything differs from it."""
+    """Whether the plate shows the view without persons; otherwise everything differs from it."""
 
 
 class Sight:
-    """The images of one frame with the clean plates. Whatever is found in a region of a view is found once.
+    """The images of one frame with the clean plates. Every result in a region of a view is computed once.
 
-    Several kinds of evidence share it, and a thread may look ahead in it while the frame before is being estimated.
+    Several kinds of evidence share it, and a thread may prepare it during the estimation of the frame before.
     """
 
     def __init__(self, frame: Frame, plates: tuple[Plate | None, ...] = (), model_px: Array | None = None) -> None:
-        """The images, and what to compare them with.
+        """The images, and their comparison.
 
         Args:
             frame: the images.
             plates: a clean plate for each view that has one; none for no plates at all.
-            model_px: (V,) pixels that the persons covered shortly before: a foreground of quite another size is not
-                theirs. None where that is not known.
+            model_px: (V,) pixels that the persons covered shortly before: a foreground of another size is not theirs.
+                None if unknown.
         """
         self.frame = frame.unpacked()
         self.held = frame  # steps keep this one: a window of them has thousands of images
@@ -189,14 +189,14 @@ class Sight:
         self._joined: dict[Hashable, tuple[Sequence[Any], Any]] = {}
 
     def model_px(self, view: int) -> float | None:
-        """Pixels of a view that the persons covered shortly before; None where that is not known."""
+        """Pixels of a view that the persons covered shortly before; None if unknown."""
         return None if self._model_px is None else float(self._model_px[view])
 
     def hide(self, strangers: Mapping[int, Mask]) -> None:
-        """From now on somebody is before the persons; what was found before is forgotten.
+        """From now on a stranger is before the persons; earlier results are forgotten.
 
         Args:
-            strangers: view with a plate -> where (H, W).
+            strangers: view with a plate -> pixels (H, W).
         """
         self.strangers = True
         self.plates = tuple(
@@ -207,13 +207,13 @@ class Sight:
         self._joined.clear()
 
     def once(self, key: Hashable, view: int, region: Region, find: Callable[[Region], _Found]) -> _Found:
-        """What was found in a region of a view, or in a larger one before; else it is found now.
+        """Earlier result in a region of a view, or in a larger one; otherwise computed now.
 
         Args:
-            key: what is looked for, and how: equal keys find the same.
+            key: kind of result and its settings: equal keys have equal results.
             view: number of the view.
             region: x, y, width, height, px.
-            find: finds it in the region.
+            find: computes it in the region.
         """
         kept = self._found.get((key, view))
         if kept is not None and _covers(kept[0], region):
@@ -224,11 +224,11 @@ class Sight:
         return found
 
     def joined(self, key: Hashable, views: Sequence[_Part], join: Callable[[Sequence[_Part]], _Found]) -> _Found:
-        """What was made before of what was found in all views; made anew where something else was found in one.
+        """Earlier result made from those of all views; made anew if one of them changed.
 
         Args:
-            key: what is made, and how: equal keys make the same.
-            views: what `once` has returned for each view.
+            key: kind of result and its settings: equal keys have equal results.
+            views: for each view the result of `once`.
             join: makes it.
         """
         kept = self._joined.get(key)
@@ -238,14 +238,14 @@ class Sight:
         return made
 
     def has(self, key: Hashable, view: int, region: Region) -> bool:
-        """Whether something was found in a region of a view already."""
+        """Whether there is a result in a region of a view already."""
         kept = self._found.get((key, view))
         return kept is not None and _covers(kept[0], region)
 
     def changes(self, view: int, region: Region) -> Changes | None:
-        """What differs from the plate in a region, or the user's mask there; None where that is not known.
+        """Differences from the plate in a region, or the user's mask there; None if unknown.
 
-        It is not where image or plate is missing, or the foreground not to be trusted. A mask always is.
+        It is unknown if image or plate is missing, or the foreground is not reliable. A mask always counts.
         """
         image, plate = self.frame.images[view], self.plates[view]
         mask = self.frame.mask(view)
@@ -265,7 +265,7 @@ class Sight:
         return None if found.fault else found
 
     def lit(self, view: int) -> Lit | None:
-        """How the image of a view is compared with its plate; None where one is missing."""
+        """Comparison of a view's image with its plate; None if one is missing."""
         image, plate = self.frame.images[view], self.plates[view]
         if image is None or plate is None:
             return None
@@ -274,12 +274,12 @@ class Sight:
         return self._lit[view]
 
     def sparse_changes(self, view: int) -> Mask | None:
-        """Every fourth pixel (h / 4, w / 4) of a view that differs from the plate; None where that is not known."""
+        """Every fourth pixel (h / 4, w / 4) of a view that differs from the plate; None if unknown."""
         lit = self.lit(view)
         return None if lit is None else sparse_changes(lit)
 
     def covered(self, models: Sequence[Mask]) -> float:
-        """Of models' silhouettes (H, W) the share before what has changed or is not known, mean of the views."""
+        """Share of models' silhouettes (H, W) on changed or unknown pixels, mean of the views."""
         shares = []
         for v, model in enumerate(models):
             changes = self.changes(v, (0, 0, model.shape[1], model.shape[0]))
@@ -288,10 +288,10 @@ class Sight:
         return float(np.mean(shares)) if shares else 0.0
 
     def changed_behind(self, view: int, model: Mask) -> float | None:
-        """Of a model's silhouette (H, W) the share before what has changed, is not known or hides it.
+        """Share of a model's silhouette (H, W) on changed, unknown or hidden pixels.
 
-        None where that cannot be told: nothing was compared with a plate, or everything differs from it, or it is one
-        that somebody stays before, or the silhouette is empty.
+        None if unknown: nothing was compared with a plate, or everything differs from it, or a person stays before it,
+        or the silhouette is empty.
         """
         kept, plate = self._found.get((Changes, view)), self.plates[view]
         if kept is None or not kept[1].in_its_light or (plate is not None and plate.stays) or not model.any():
@@ -300,17 +300,17 @@ class Sight:
         return _share_of(model, moving if occluder is None else moving | occluder)
 
     def unknown(self, view: int) -> Mask | None:
-        """Where (H, W) the plate of a view does not know what is background; None for nowhere."""
+        """Pixels (H, W) unknown to the plate of a view; None for none."""
         plate = self.plates[view]
         return None if plate is None or self.frame.mask(view) is not None else plate.unknown
 
     def occluder(self, view: int) -> Mask | None:
-        """Where (H, W) something stands before the persons in a view; None for nowhere."""
+        """Pixels (H, W) of things before the persons in a view; None for none."""
         plate = self.plates[view]
         return None if plate is None else plate.occluder
 
     def silhouette(self, view: int) -> Mask | None:
-        """The moving foreground (H, W) as far as it was looked for; None if it was not, or can't be trusted."""
+        """The moving foreground (H, W) as far as it was computed; None if it was not, or is not reliable."""
         kept = self._found.get((Changes, view))
         return None if kept is None or kept[1].fault else kept[1].silhouette
 
@@ -334,7 +334,7 @@ def _given(mask: Mask, region: Region) -> Changes:
 
 
 def _fault(level: float, n_px: tuple[int, int], model_px: float | None, shape: tuple[int, ...]) -> str:
-    """Why a foreground of so many pixels, at least and at most, is not to be used; empty if it is."""
+    """Why a foreground with a number of pixels, at least and at most, is not to be used; empty if it is."""
     if level > MOST_LEVEL:
         return f"everything differs from the plate, by {level:.0f} grey levels: other light, or the camera was moved"
     if model_px is None or model_px < _LEAST_MODEL * shape[0] * shape[1]:

@@ -1,4 +1,4 @@
-"""Analysis: the edges that the images show, given what is expected."""
+"""Analysis: the edges of the images near expected contours."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Analysis(Protocol):
 
         Args:
             sight: the images, and a clean plate for each view that has one.
-            expected: contours of the prediction (several poses where there are several candidates); None to
-                look everywhere and accept everything.
+            expected: contours of the prediction (several poses if there are several candidates); None to search
+                everywhere and accept everything.
 
         Returns:
             One finding a view, None for missing views.
@@ -31,9 +31,7 @@ class Analysis(Protocol):
         ...
 
     def look(self, sight: Sight, around: Contours) -> None:
-        """Does ahead what the images alone tell near contours of an earlier frame, and leaves it in the sight.
-
-        By default nothing.
+        """Prepares edges near contours of an earlier frame, and leaves them in the sight; by default nothing.
 
         Args:
             sight: the frame to come.
@@ -53,11 +51,11 @@ def accepted_segments(
     trusted: Mask,
     outline: Mask | None = None,
 ) -> Mask:
-    """Which edge points belong to accepted segments (paper, section 4.2): each segment is one unit.
+    """Edge points of accepted segments (paper, section 4.2): each segment is one unit.
 
     Args:
         found: segments, positions in the whole image.
-        samples: (M, 4) expected contours, or None to accept whatever is trusted.
+        samples: (M, 4) expected contours, or None to accept all reliable ones.
         accept_px: largest directed chamfer distance of an accepted segment, px.
         bend_px: distance that a right angle between the directions counts, px.
         trusted: (N,) points that the background does not explain.
@@ -94,9 +92,9 @@ def view_observation(
     Args:
         found: segments, positions in the whole image.
         accepted: (N,) points of accepted segments.
-        region: where the chamfer image is made; grown by its reach it covers all that it can say.
+        region: of the chamfer image; its reach around it counts as well.
         reach: clamp of the chamfer image, px.
-        n_scene: number of points that stand for the accepted contours.
+        n_scene: number of points that represent the accepted contours.
     """
     x, y, width, height = region
     offset = np.array([x, y], dtype=np.float32)
@@ -116,7 +114,7 @@ def view_observation(
 
 
 def thinned(indices: Integers, most: int) -> tuple[Integers, Array32]:
-    """At most `most` of the points, evenly along the chains, and the contour length each stands for, px."""
+    """At most `most` of the points, evenly along the chains, and the contour length of each, px."""
     if len(indices) <= most:
         return frozen(indices, np.int64), np.ones(len(indices), dtype=np.float32)
     picked = indices[np.floor((np.arange(most) + 0.5) * len(indices) / most).astype(np.int64)]

@@ -20,14 +20,14 @@ from tracker.kernels.edges import marked
 
 @dataclass(frozen=True)
 class _ViewLook:
-    """What one image shows in a region, whatever is expected."""
+    """Edges of one image in a region, before any expectation."""
 
     found: EdgeSegments
     trusted: Mask
     """(N,) edge points that the background does not explain."""
 
     outline: Mask | None
-    """(N,) edge points on the outline of the foreground, where a background is known."""
+    """(N,) edge points on the outline of the foreground, if a background is known."""
 
 
 @component
@@ -74,23 +74,22 @@ class ContourAnalysis(Analysis):
     """Edges count this far outside of changed pixels, where a background is known, px."""
 
     outline_px: int = pydantic.Field(default=3, ge=0)
-    """Segments within this distance along the outline of the foreground are accepted whatever is expected, px; 0 for
-    none. They show limbs that the prediction has missed."""
+    """Segments within this distance along the outline of the foreground are always accepted, px; 0 for none. They show
+    limbs that the prediction has missed."""
 
     interior_weight: float = pydantic.Field(default=0.4, ge=0, le=1)
-    """Share of its weight that a scene edge inside the foreground has, where a background is known: inside are
-    clothes and faces, too, which no pose explains. With 1 a sleeve's pattern outweighs the arm's own edges: a hanging
-    arm was placed 100 mm off, and a person was taken for one who faces the other way."""
+    """Share of its weight that a scene edge inside the foreground has, if a background is known: inside are clothes and
+    faces, too, which no pose explains. With 1 a sleeve's pattern outweighs the arm's own edges: a hanging arm was
+    placed 100 mm off, and a person was taken for one who faces the other way."""
 
     use_background: bool = True
-    """Reject edges where nothing has changed, where a background is known."""
+    """Reject edges on unchanged pixels, if a background is known."""
 
     threads: int = pydantic.Field(default=2, ge=1)
     """Views analysed at the same time."""
 
     ahead_px: float = pydantic.Field(default=40.0, ge=0)
-    """The images of the next frame are worked on while this one is being estimated, in a region that reaches so much
-    farther, px; 0 for one after the other."""
+    """Margin for preparing the images of the next frame during the estimation, px; 0 for none."""
 
     def observe(self, sight: Sight, expected: Contours | None) -> Observation:
         """Scene features of all views; see `tracker.images.analysis.Analysis.observe`."""
@@ -119,7 +118,7 @@ class ContourAnalysis(Analysis):
                 self._look_at(sight, v, region)
 
     def _region(self, sight: Sight, expected: Contours | None, v: int, margin_px: float) -> Region | None:
-        """Where to look in a view: around the contours, or everywhere; None if the view is missing."""
+        """The region of a view to examine: around the contours, or everywhere; None if the view is missing."""
         image = sight.frame.images[v]
         if image is None:
             return None
@@ -178,15 +177,15 @@ def _with_interior(observed: ViewObservation, outline: Mask, weight: float) -> V
 
 
 _Filtered = tuple[Image, tuple[int, int]]
-"""What a morphological filter makes of a mask, and the pixel (x, y) of its upper left corner; nothing beyond it."""
+"""Result of a morphological filter on a mask, and the pixel (x, y) of its upper left corner; empty beyond it."""
 
 
 def _filtered(mask: Mask, operation: int, around: tuple[int, Region]) -> _Filtered:
-    """What a morphological filter with a disc makes of a mask.
+    """Result of a morphological filter with a disc on a mask.
 
     Args:
         mask: (H, W) false outside of the region.
-        operation: of OpenCV; leaves what is empty empty.
+        operation: of OpenCV; leaves empty masks empty.
         around: radius of the disc, px, and the region.
     """
     radius_px, region = around
@@ -209,7 +208,7 @@ def _at(found: EdgeSegments, filtered: _Filtered) -> Mask:
 
 
 def _reached(filtered: _Filtered, region: Region) -> Image:
-    """Pixels (h, w) of a region from which an edge point may be where a filtered mask is set: less than one farther."""
+    """Pixels (h, w) of a region from which an edge point may touch a filtered mask: less than one farther."""
     picture, (left, top) = filtered
     framed = cv2.copyMakeBorder(picture, 1, 1, 1, 1, cv2.BORDER_CONSTANT)
     grown, (x, y, width, height) = cv2.dilate(framed, np.ones((3, 3), dtype=np.uint8)), region

@@ -1,4 +1,4 @@
-"""Outlines of the foreground as the only edges: for clean plates, where clothing and clutter disturb."""
+"""Outlines of the foreground as the only edges: for clean plates, if clothing and clutter disturb."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tracker.images.analysis import Analysis, accepted_segments, view_observatio
 from tracker.images.operations.edges import canny, gradient, segment_edges
 from tracker.images.sight import Observation, Sight, ViewObservation
 
-# An outline this close to what stands before a person is that of the other thing: as far as smoothing moves it.
+# An outline this close to a thing before a person belongs to that thing: as far as smoothing moves it.
 _RIM_PX = 3
 
 
@@ -75,7 +75,7 @@ class SilhouetteAnalysis(Analysis):
 
 
 def _beside(occluder: Mask, points: Array32) -> Mask:
-    """Points (N, 2) in or at what stands before the persons (H, W), where an outline is cut off and none."""
+    """Points (N, 2) on or beside things before the persons (H, W), where an outline is cut off."""
     near = cv2.dilate(occluder.view(np.uint8), np.ones((2 * _RIM_PX + 1,) * 2, np.uint8)) > 0
     columns, rows = np.rint(points).astype(np.int64).T
     found: Mask = near[rows.clip(0, len(near) - 1), columns.clip(0, near.shape[1] - 1)]

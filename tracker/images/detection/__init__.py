@@ -1,6 +1,7 @@
-"""Detection: keypoints of persons in single images, found by networks of others.
+"""Detection: keypoints of persons in single images, by other programs' networks.
 
-No run needs a detector. `bodytrack detect` writes what one finds into files, which `keypoints` of a run then names.
+No run needs a detector. `bodytrack detect` writes a detector's keypoints into files, which `keypoints` of a run then
+names.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from tracker.foundation.errors import ConfigError
 
 Finder = Callable[[Image], Array]
 """Takes an image (h, w, 3), BGR, and gives (N, K, 3) pixel x, y and confidence 0 to 1 for each of N persons; NaN for a
-keypoint that was not found. It knows nothing of other images: what is detected later is what would have been before."""
+keypoint that was not found. It knows nothing of other images, so the order of images does not matter."""
 
 
 @runtime_checkable
@@ -23,7 +24,7 @@ class Detection(Protocol):
     """A component that finds keypoints in images."""
 
     layout: ClassVar[str]
-    """Which of `tracker.bodies.keypoint_layouts.orders.LAYOUTS` its keypoints have."""
+    """Order of its keypoints in `tracker.bodies.keypoint_layouts.orders.LAYOUTS`."""
 
     def open(self) -> Finder:
         """Loads the network.
@@ -34,22 +35,22 @@ class Detection(Protocol):
         ...
 
     def about(self) -> str:
-        """Which network of which version it is; two that find other keypoints are called otherwise."""
+        """Name and version of the network; networks with other keypoints have other names."""
         ...
 
 
-# Packages of detectors, which no installation has unasked: loaded late, and what is missing said in one sentence.
+# Packages of detectors, which are optional: loaded late, and a missing one is named in one sentence.
 
 
 def library(name: str, wanted: str) -> Any:
     """The package of a detector.
 
     Args:
-        name: of the package, which the component is called after.
-        wanted: what to install, as pip is told.
+        name: of the package and the component.
+        wanted: argument of `pip install`.
 
     Raises:
-        ConfigError: it is not installed, or it does not find what it needs.
+        ConfigError: it is not installed, or lacks something that it needs.
     """
     try:
         return importlib.import_module(name)
@@ -64,7 +65,7 @@ def library(name: str, wanted: str) -> Any:
 
 
 def version_of(name: str) -> str:
-    """Of an installed package; a word where it tells none."""
+    """Version of an installed package; a word if it has none."""
     try:
         return version(name)
     except PackageNotFoundError:

@@ -1,4 +1,4 @@
-"""MediaPipe's BlazePose: one person an image, 33 keypoints; its wheel holds the weights, nothing is downloaded.
+"""MediaPipe's BlazePose: one person an image, 33 keypoints; its wheel holds the weights, so nothing is downloaded.
 
 V. Bazarevsky et al., BlazePose: On-device real-time body pose tracking, CVPR workshop 2020.
 """
@@ -17,20 +17,20 @@ from tracker.foundation.configuration.components import component
 from tracker.images.detection import Finder, library, version_of
 
 _PACKAGE = "mediapipe==0.10.21"
-"""The last version whose wheel has the network beside the program; later ones have it downloaded."""
+"""The last version whose wheel has the network beside the program; later ones download it."""
 
 
 @component
 class MediaPipeDetection:
-    """BlazePose of the package mediapipe: one person an image, the one that stands out most."""
+    """BlazePose of the package mediapipe: one person an image, the most conspicuous one."""
 
     layout: ClassVar[str] = "blazepose_33"
 
     network: Literal["full", "heavy"] = "full"
-    """`full` is in the package. `heavy` is three times as slow, and the package downloads it when first asked."""
+    """`full` is in the package. `heavy` is three times as slow, and the package downloads it on first use."""
 
     least_confidence: float = pydantic.Field(default=0.5, gt=0, le=1)
-    """Share of certainty from which on something is a person."""
+    """Certainty from which on something is a person, 0 to 1."""
 
     def open(self) -> Finder:
         """Loads the network; see `tracker.images.detection.Detection.open`."""
@@ -46,12 +46,12 @@ class MediaPipeDetection:
         return find
 
     def about(self) -> str:
-        """Which network it is; see `tracker.images.detection.Detection.about`."""
+        """Name of the network; see `tracker.images.detection.Detection.about`."""
         return f"mediapipe {version_of('mediapipe')}, BlazePose {self.network}, from {self.least_confidence:g}"
 
 
 def _persons(found: Any, size: tuple[int, int]) -> Array:
-    """(N, 33, 3) of what the package returns, whose places are shares of width and height, from edge to edge."""
+    """(N, 33, 3) from the package's result, whose positions are shares of width and height, from edge to edge."""
     if found.pose_landmarks is None:
         return np.zeros((0, len(LAYOUTS["blazepose_33"]), 3))
     marks = np.array([(mark.x, mark.y, mark.visibility) for mark in found.pose_landmarks.landmark])

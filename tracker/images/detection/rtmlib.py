@@ -1,4 +1,4 @@
-"""RTMPose by rtmlib: any number of persons an image, 26 keypoints; rtmlib downloads the weights when first asked.
+"""RTMPose by rtmlib: any number of persons an image, 26 keypoints; rtmlib downloads the weights on first use.
 
 T. Jiang et al., RTMPose: Real-time multi-person pose estimation based on MMPose, arXiv 2303.07399, 2023.
 """
@@ -20,15 +20,15 @@ _PACKAGE = "rtmlib onnxruntime"
 
 @component
 class RtmlibDetection:
-    """RTMPose with feet, of the package rtmlib, as Pose2Sim uses it: everybody in the image."""
+    """RTMPose with feet, of the package rtmlib, as Pose2Sim uses it: all persons in the image."""
 
     layout: ClassVar[str] = "halpe_26"
 
     mode: Literal["lightweight", "balanced", "performance"] = "balanced"
-    """How large a network it is, as rtmlib calls it."""
+    """Size of the network, in rtmlib's words."""
 
     device: Literal["cpu", "cuda", "mps"] = "cpu"
-    """What computes."""
+    """Device that computes."""
 
     def open(self) -> Finder:
         """Loads the networks, of persons and of their keypoints; see `tracker.images.detection.Detection.open`."""
@@ -52,5 +52,5 @@ class RtmlibDetection:
         return find
 
     def about(self) -> str:
-        """Which network it is; see `tracker.images.detection.Detection.about`."""
+        """Name of the network; see `tracker.images.detection.Detection.about`."""
         return f"rtmlib {version_of('rtmlib')}, BodyWithFeet {self.mode}"

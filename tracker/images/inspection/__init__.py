@@ -1,7 +1,7 @@
-"""A look at a recording before its first frame: what was given to a run that can hardly be right, in one line each.
+"""Inspection of a recording before its first frame: probable faults of a run's input, in one line each.
 
-A wrong rig, exchanged videos or views out of step give poses that look like poses. What the first frames show of it is
-cheap to find: small foregrounds, their middles and tops followed through some seconds in all views.
+A wrong rig, exchanged videos or views out of step give poses that look like poses. The first frames show them
+cheaply: by small foregrounds, whose middles and tops are followed through some seconds in all views.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ __all__ = ["Inspection", "Survey", "changes", "findings", "first_in_view", "othe
 
 @runtime_checkable
 class Inspection(Protocol):
-    """A component that looks for one kind of wrong input; it says nothing where it cannot tell."""
+    """A component that finds one kind of wrong input; it is silent if it cannot decide."""
 
     def findings(self, seen: Survey) -> Iterator[str]:
-        """What can hardly be right.
+        """Probable faults.
 
         Args:
-            seen: what the first frames show.
+            seen: data of the first frames.
 
         Yields:
             One line each: what was found, what was expected, and what to do.
@@ -33,7 +33,7 @@ class Inspection(Protocol):
 
 
 def changes(seen: Survey, view: int) -> dict[int, int]:
-    """From which frame on a view is how many images late, the first entry from the beginning on; empty for never."""
+    """First frames and delays of a view, in images; the first entry holds from the beginning on; empty for none."""
     late = seen.delays.late[view]
     if not late.any():
         return {}
@@ -42,5 +42,5 @@ def changes(seen: Survey, view: int) -> dict[int, int]:
 
 
 def findings(seen: Survey) -> tuple[str, ...]:
-    """What any component of this folder finds, in the order of their names."""
+    """Findings of all components of this folder, in the order of their names."""
     return tuple(line for use in available("inspection") for line in find("inspection", use)().findings(seen))

@@ -1,4 +1,4 @@
-"""From which frame on everybody is there: many recordings begin before who is filmed walks in."""
+"""The first frame in which every person is there: many recordings begin before the persons walk in."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from tracker.images.inspection._survey import LEAST_SHARE, is_cut, small, small_
 from tracker.images.plate import MOST_LEVEL, Plate, changed
 
 _LEAST_VIEWS = 2
-"""In which everybody has to be seen, whole, by a start that has them and need not wait for more."""
+"""Time in which every person must be seen, whole, by a start that need not wait for more."""
 
 _LEAST_AS_LARGE = 0.4
-"""Share of the largest region from which on another one is another person: of a dancer in four views shadows and what
-limbs cut off were 0.2 to 0.33, a woman who walked in before him 0.46 and more once three views had most of her."""
+"""Share of the largest region from which on another one is another person: of a dancer in four views shadows and
+cut-off limbs were 0.2 to 0.33, a woman who walked in before him 0.46 and more once three views had most of her."""
 
 _ENTERING_S = 2.0
-"""How long somebody takes from the edge of two images to where most cameras see all of him, walking."""
+"""Time that a walking person takes from the edge of two images into the full view of most cameras."""
 
 
 @dataclass(frozen=True, order=True)
 class _Seen:
-    """In how many views everybody is seen: whole, that is not cut by the border of the image, and at all."""
+    """Number of views in which every person is seen: whole, that is not cut by the border of the image, and at all."""
 
     whole: int
     views: int
@@ -36,21 +36,21 @@ class _Seen:
 def first_in_view(
     frames: Iterable[Frame], plates: tuple[Plate | None, ...], n_persons: int = 1, progress: Progress = silent
 ) -> int | None:
-    """The number of the first frame that shows everybody well enough for a start.
+    """The number of the first frame that shows every person well enough for a start.
 
-    The first one in which two views show everybody whole. Where that is not so at once, one of the two seconds from the
-    first frame on in which two views show everybody at all: the first one in which all but one of those views do so
-    that show all of them at once in any. A view shows as many persons as regions stand out in it: who stands before
-    another one is one with him there, so that it may be a later frame than it need be, never an earlier one.
+    It is the first one in which two views show every person whole. Otherwise it is one of the two seconds from the
+    first frame on in which two views show every person at all: the first one in which all of those views except one
+    show as many persons whole as any frame does. A view shows as many persons as it has regions: a person before
+    another one is one region with the other, so that the frame may be later than necessary, never earlier.
 
     Args:
         frames: from the first one on.
         plates: the clean plates of the views.
-        n_persons: how many there are.
-        progress: told if it is not the first one.
+        n_persons: number of persons.
+        progress: told if it is not the first frame.
 
     Returns:
-        None if none shows so many, or fewer than two views have a plate, or masks, to tell.
+        None if no frame shows that many, or fewer than two views have a plate, or masks.
     """
     backgrounds = small_plates(plates)
     coming: dict[int, _Seen] = {}
@@ -90,7 +90,7 @@ def _seen(frame: Frame, plates: tuple[Plate | None, ...], n_persons: int) -> _Se
 
 
 def _shown(frame: Frame, v: int, plate: Plate | None, n_persons: int) -> tuple[bool, bool]:
-    """Whether a view shows everybody, and whole; one that cannot tell, in another light, may do so."""
+    """Whether a view shows every person, and whole; a view in another light may do so."""
     image, mask = frame.images[v], frame.mask(v)
     if mask is not None:
         foreground = small(mask.astype(np.uint8)) > 0
@@ -107,7 +107,7 @@ def _shown(frame: Frame, v: int, plate: Plate | None, n_persons: int) -> tuple[b
 
 
 def _regions(mask: Mask) -> list[Mask]:
-    """The regions of a mask that can be persons for their size, absolute and beside the largest one, which is first."""
+    """The regions of a mask that can be persons by their size, also beside the largest one, which comes first."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     areas = stats[1:, cv2.CC_STAT_AREA]
     least = max(LEAST_SHARE * mask.size, _LEAST_AS_LARGE * areas.max(initial=0))

@@ -47,10 +47,10 @@ FACTOR = 4
 """Pixels of an image to one of a survey: a person 400 px high is 100 px high there, its middle good to a pixel."""
 
 N_FRAMES = 100
-"""Frames looked at: four seconds of a usual recording, a second of decoding."""
+"""Number of frames: four seconds of a usual recording, a second of decoding."""
 
 LEAST_SHARE = 0.002
-"""Less of an image than this is noise."""
+"""A smaller share of an image is noise."""
 
 # Regions of less than this beside the largest one are no person's: shadows, cables.
 _BESIDE = 0.2
@@ -62,28 +62,28 @@ _N_KEPT = 9
 
 @dataclass(frozen=True)
 class Survey:
-    """What T frames of V views show."""
+    """Data of T frames of V views."""
 
     scene: Scene
-    """The persons that are to be followed, and the rig."""
+    """The persons to follow, and the rig."""
 
     plates: tuple[Plate | None, ...]
     """Small clean plates."""
 
     stride: int
-    """Images from one frame to the next."""
+    """Images between two frames."""
 
     pictures: tuple[Image | None, ...]
-    """Small pictures: what each view shows in most of the frames; None where it is missing."""
+    """Small pictures: the most frequent colours of each view; None for a missing view."""
 
     foregrounds: tuple[tuple[Mask | None, ...], ...]
-    """T x V small foregrounds; without plate or mask what moves; None where nothing is known."""
+    """T x V small foregrounds; without plate or mask moving pixels; None if unknown."""
 
     first: int = 0
     """Number of the first frame."""
 
     masked: tuple[bool, ...] = ()
-    """Whether the user's masks are the foregrounds of a view in all frames; empty for in no view."""
+    """Whether the user's masks are the foregrounds of a view in all frames; empty for no view."""
 
     @property
     def rig(self) -> Rig:
@@ -91,12 +91,12 @@ class Survey:
         return self.scene.rig
 
     def stands_out(self, view: int) -> bool:
-        """Whether a view has a plate, or masks: whoever stands still is in its foregrounds too."""
+        """Whether a view has a plate, or masks: standing persons are then in its foregrounds, too."""
         return self.plates[view] is not None or (bool(self.masked) and self.masked[view])
 
     @cached_property
     def delays(self) -> Delays:
-        """By how many frames views are late, by what moves in them."""
+        """Delays of the views, by their movements."""
         regions = [[_person(mask) for mask in row] for row in self.foregrounds]
         return delays_of(tangents(self.rig, regions, FACTOR), len(self.rig))
 
@@ -107,7 +107,7 @@ class Survey:
 
     @cached_property
     def cut(self) -> Mask:
-        """(V, T) where the border of the image cuts off most of what `middles` are of: who enters, or leaves."""
+        """(V, T) whether the border of the image cuts off most of a foreground: a person enters, or leaves."""
         found = np.zeros((len(self.rig), len(self.foregrounds)), dtype=np.bool_)
         for t, masks in enumerate(self.foregrounds):
             for v, mask in enumerate(masks):
@@ -140,14 +140,14 @@ def survey(
     stride: int = 1,
     n_frames: int = N_FRAMES,
 ) -> Survey:
-    """Looks at the first frames.
+    """Examines the first frames.
 
     Args:
         frames: of the recording, from the first one on.
         scene: persons and rig.
         plates: the clean plates of the views.
-        stride: images from one frame to the next.
-        n_frames: how many frames are looked at.
+        stride: images between two frames.
+        n_frames: number of frames.
     """
     backgrounds = small_plates(plates)
     before: list[Image | None] = [None] * len(plates)
@@ -251,7 +251,7 @@ _GREY, _COLOUR = 8.0, 25.0
 
 
 def other_colours(seen: Survey) -> str:
-    """That images are grey and their plates are not, or the other way round: everything differs then; else nothing."""
+    """Refuses grey images with coloured plates, or the other way round: everything differs then, or nothing."""
     views = zip(seen.rig.names, seen.plates, seen.pictures, strict=True)
     shown = [(name, plate.picture, image) for name, plate, image in views if plate is not None and image is not None]
     grey = [name for name, plate, image in shown if _is_grey(image) and _is_coloured(plate)]

@@ -1,4 +1,4 @@
-"""Foregrounds that do not meet in space: videos exchanged, an image mirrored, or the rig of another recording."""
+"""Foregrounds that do not meet in space: exchanged videos, a mirrored image, or the rig of another recording."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ _LEAST_FRAMES = 10
 
 @component
 class AgreementInspection:
-    """Rays to the middles of the foregrounds should meet, and do with the videos as they are given.
+    """Rays to the middles of the foregrounds should meet, if the videos are right.
 
     In nine recordings before plates they miss by 0.004 to 0.011 of the width, by 0.017 with two persons; exchanged or
-    mirrored, most miss by 0.03 to 0.11. Somebody in the very middle of the rig may be seen by exchanged
-    cameras too: nothing is said then, nor of several persons where a view has no plate: who moves there and who does
-    elsewhere need not be the same. Where more bodies stand out than are persons, middles are of all of them.
+    mirrored, most miss by 0.03 to 0.11. A person in the very middle of the rig may be seen by exchanged
+    cameras too: the check is silent then. It is also silent about several persons if a view has no plate, because
+    different persons may move in different views. If there are more bodies than persons, middles are of all of them.
     """
 
     most_share: float = pydantic.Field(default=0.03, gt=0, lt=1)
     """Usual distance by which rays may miss, as a share of the image width, before a view with plates is doubted."""
 
     beside_share: float = pydantic.Field(default=0.01, gt=0, lt=1)
-    """How far from the foreground of a view the place lies that rays meet in, as a share of the image width, from which
-    on they do not meet: 0 in ten recordings before plates, 0.02 to 0.07 with cameras turned by 4 degrees."""
+    """Largest distance between a view's foreground and the point where rays meet, as a share of the image width: 0 in
+    ten recordings before plates, 0.02 to 0.07 with cameras turned by 4 degrees."""
 
     better: float = pydantic.Field(default=2.5, gt=0)
-    """Factor by which another order or a mirrored view has to be better to be proposed."""
+    """Factor by which another order or a mirrored view must be better to be proposed."""
 
     def findings(self, seen: Survey) -> Iterator[str]:
         """See `tracker.images.inspection.Inspection.findings`."""
@@ -60,15 +60,15 @@ class AgreementInspection:
             )
 
     def _meet_nowhere(self, seen: Survey) -> bool:
-        """Whether views with plates show nobody where their rays meet; of several persons the middle is no place."""
+        """Whether views with plates are empty where their rays meet; of several persons the middle is not a place."""
         return sum(map(seen.stands_out, range(len(seen.rig)))) >= 2 and _beside(seen) > self.beside_share
 
 
 def _beside(seen: Survey) -> float:
-    """How far the places that rays meet in lie beside the foregrounds, as a share of the width, in the worst view.
+    """Distance of the points where rays meet from the foregrounds, as a share of the width, in the worst view.
 
-    Shadows and cables move the middle of a foreground; they do not put the place that all views agree on beside it.
-    Views without a plate show who moves, often an arm alone, and have no say.
+    Shadows and cables move the middle of a foreground, but not the common point away from it. Views without a plate
+    only show movement, often an arm alone, and do not count.
     """
     places = seen.rig.project(seen.rig.triangulate(seen.middles)[0])
     gaps = np.full(places.shape[:2], np.nan)
@@ -90,7 +90,7 @@ def _gap_px(mask: Mask, place: Array) -> float:
 
 
 def _others(seen: Survey) -> Iterator[tuple[str, Array]]:
-    """What may have been meant, and the middles (V, T, 2) then."""
+    """Possible intentions, with the middles (V, T, 2) in each."""
     names, middles = seen.rig.names, seen.middles
     for a, b in itertools.combinations(range(len(names)), 2):
         if seen.rig.cameras[a].size == seen.rig.cameras[b].size:

@@ -1,4 +1,4 @@
-"""More bodies than persons: somebody in the foreground who is not in the configuration."""
+"""More bodies than persons: a person in the foreground who is not in the configuration."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from tracker.images.inspection._survey import FACTOR
 
 @component
 class BodiesInspection:
-    """Counts what is as high as a person in the foreground of each view.
+    """Counts regions as high as a person in the foreground of each view.
 
-    Persons before one another are one body, so a view shows at most as many as there are: at least two views must show
-    too many, in most frames.
+    Persons before one another are one region, so a view shows at most as many as there are: at least two views must
+    show too many, in most frames.
     """
 
     share: float = pydantic.Field(default=0.55, gt=0, lt=1)
@@ -32,13 +32,13 @@ class BodiesInspection:
         if found > expected:
             yield (
                 f"{found} bodies are in the foreground of most of the first frames, {expected} "
-                f"{'person is' if expected == 1 else 'persons are'} to be followed, whom the models fit best; the "
-                "others are taken for what hides them. Add them to [[persons]] to have them told apart by statures"
+                f"{'person is' if expected == 1 else 'persons are'} configured, who get the bodies that fit best; "
+                "the others count as things that hide them. Add them to [[persons]] to separate them by statures"
             )
 
 
 def n_bodies(seen: Survey, share: float = 0.55) -> int:
-    """How many bodies two views show in the usual frame; 0 where that cannot be told.
+    """Number of bodies that two views show in the usual frame; 0 if unknown.
 
     Args:
         seen: the first frames.

@@ -1,4 +1,4 @@
-"""Masks that cover nearly all of an image, or show nobody, and plates that are of something else."""
+"""Masks that cover nearly all of an image, or show no person, and plates of another scene."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _LEAST_FRAMES = 10
 
 @component
 class CoveredInspection:
-    """How much of each view masks cover in most of the frames, and how far plates are from what the view shows.
+    """Share of each view that masks cover in most of the frames, and difference of plates from the view.
 
     Persons cover 2 to 12 % of the images of `BODYTRACK_DATA`; masks in which they are black cover the rest.
     """
 
     most: float = pydantic.Field(default=0.7, gt=0, le=1)
-    """Share of an image that nobody covers."""
+    """Largest share of an image that persons cover."""
 
     def findings(self, seen: Survey) -> Iterator[str]:
         """See `tracker.images.inspection.Inspection.findings`."""
@@ -38,8 +38,8 @@ class CoveredInspection:
                 )
         if shares and not any(shares.values()):
             yield (
-                f"masks of {', '.join(seen.rig.names[v] for v in shares)} show nobody in most of the first frames: "
-                "expected pictures in which persons are white, or where nobody is there yet, a later reading.start"
+                f"masks of {', '.join(seen.rig.names[v] for v in shares)} show no person in most of the first frames: "
+                "expected pictures in which persons are white; if no person is there yet, a later reading.start"
             )
         for name, plate, picture in zip(seen.rig.names, seen.plates, seen.pictures, strict=True):
             if plate is not None and picture is not None and (level := lit_by(picture, plate).level) > MOST_LEVEL:
@@ -50,6 +50,6 @@ class CoveredInspection:
 
 
 def _shares(seen: Survey, v: int) -> list[float]:
-    """Of an image that the masks of a view cover, in each frame that has one."""
+    """Share of an image that the masks of a view cover, in each frame that has one."""
     masks: list[Mask | None] = [row[v] for row in seen.foregrounds]
     return [float(mask.mean()) for mask in masks if mask is not None]

@@ -1,4 +1,4 @@
-"""Plates that show somebody: what the images lack stays in the foreground for ever."""
+"""Plates that show a person: the images lack the person, so the place stays foreground for ever."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _ALWAYS = 0.95
 
 @component
 class PlatesInspection:
-    """Looks for regions that are foreground in nearly every frame, with a contour in the plate and none in the images.
+    """Finds regions that are foreground in nearly every frame, with a contour in the plate and none in the images.
 
-    Who stands in one place is always foreground too, but the contour is then in the images.
+    A person who stands in one place is always foreground too, but then the contour is in the images.
     """
 
     least_share: float = pydantic.Field(default=0.004, gt=0, lt=1)
@@ -41,11 +41,11 @@ class PlatesInspection:
             for x, y in self._ghosts(always, plate.picture, picture):
                 yield (
                     f'the plate of view "{name}" shows something at pixel ({x:.0f}, {y:.0f}) that its images lack: '
-                    "somebody stood there when it was taken? Take one without persons"
+                    "a person when it was taken? Take one without persons"
                 )
 
     def _ghosts(self, always: Mask, plate: Image, picture: Image) -> Iterator[tuple[float, float]]:
-        """Middles of regions whose contour is in the plate only, px of the whole image."""
+        """Middles of regions with a contour only in the plate, px of the whole image."""
         count, labels, stats, middles = cv2.connectedComponentsWithStats(always.astype(np.uint8))
         for label in range(1, count):
             if stats[label, cv2.CC_STAT_AREA] < self.least_share * always.size:

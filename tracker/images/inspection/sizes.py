@@ -1,4 +1,4 @@
-"""Size of the images: persons who are shown larger than their model is worth, or too small to be tracked."""
+"""Size of the images: persons larger than their model deserves, or too small for tracking."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ _MOST = 16
 
 @component
 class SizesInspection:
-    """Models are some millimetres from the persons they stand for: pixels finer than that take time, and mislead.
+    """Models are some millimetres from the persons: finer pixels take time, and mislead.
 
-    Images that were averaged too far, as the configuration wants it, show no limbs.
+    Images averaged too far by the configuration show no limbs.
 
-    See `tracker.cameras.rig`, which goes by the cameras; here it is what the images show.
+    See `tracker.cameras.rig`, which uses the cameras; this check uses the images.
     """
 
     person_px: float = pydantic.Field(default=KEPT_PX, gt=0)
-    """Height that persons keep in the images when these are averaged, px."""
+    """Height of persons in the images after averaging, px."""
 
     least_px: float = pydantic.Field(default=150.0, gt=0)
     """Height of persons in averaged images below which their limbs are guesses, px. Averaged to 92 px, arms of a
@@ -57,5 +57,5 @@ class SizesInspection:
 
 
 def _fitting_downscale(rig: Rig) -> float:
-    """What images would be averaged over if nothing was said."""
+    """Default averaging of the images."""
     return fitting_downscale(rig.downscaled(1 / rig.cameras[0].downscale))

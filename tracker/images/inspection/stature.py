@@ -1,4 +1,4 @@
-"""Stature: how high the foreground of one person is, against the model."""
+"""Stature: height of the foreground of one person, against the model."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _LEAST_FRAMES = 10
 class StatureInspection:
     """The foreground of a person reaches from the floor to the head, or to raised hands.
 
-    Each view's lowest point is the foot that is nearer to it, so that heights come out 5 to 10 % too large: 1.85 to
-    2.0 m for standing and walking persons of 1.75 to 1.8 m, 2.2 m with an arm raised. Only what is far off is told.
+    Each view's lowest point is the foot that is nearer to it, so that heights come out 5 to 10 % too large: 1.85 to 2.0
+    m for standing and walking persons of 1.75 to 1.8 m, 2.2 m with an arm raised. Only large differences are reported.
     """
 
     least: float = pydantic.Field(default=0.75, gt=0, lt=1)
@@ -51,6 +51,6 @@ class StatureInspection:
         highest, usual = float(np.percentile(found, 95)), float(np.median(found))
         told = f"the foreground is {usual:.2f} m high in most of the first frames, the model {stature:.2f} m"
         if highest < self.least * stature:
-            yield f"{told}: a smaller person (stature_m), a rig of another scale, or somebody who does not stand up"
+            yield f"{told}: a smaller person (stature_m), a rig of another scale, or a person who does not stand up"
         elif usual > self.most * stature:
             yield f"{told}: a taller person (stature_m), a rig of another scale, or more than one body"

@@ -1,4 +1,4 @@
-"""Views out of step: what one view shows, the others show earlier or later."""
+"""Views out of step: one view shows the same movement earlier or later than the others."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tracker.images.inspection import Survey, changes
 class TimingInspection:
     """Planes through two cameras touch the foregrounds of both at the same angles, at the same time.
 
-    What `reading.in_step` corrects is not found any more. See `tracker.images.inspection._delays`.
+    Delays that `reading.in_step` corrects do not appear here. See `tracker.images.inspection._delays`.
     """
 
     def findings(self, seen: Survey) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""What of a picture is its light and what the things in it: gains, local contrast, lightness, chroma and texture."""
+"""Separates light and content of a picture: gains, local contrast, lightness, chroma and texture."""
 
 from __future__ import annotations
 
@@ -66,11 +66,11 @@ def sparse(picture: Image) -> Image:
 
 
 def light_of(image: Image, plate: Image) -> Light | None:
-    """Light of an image against that of its plate, whoever stands in it.
+    """Light of an image against that of its plate, in spite of persons.
 
-    Blocks tell the ratio by their medians. A quadratic surface that most of them agree with tells where the plate is
-    seen; from there blocks that a step divides from all others are somebody or something else, and bridged. A median
-    filter takes out what is left of them. Persons may cover up to half of the picture.
+    Blocks tell the ratio by their medians. A quadratic surface that most of them agree with shows where the plate is
+    visible; from there on, blocks that a step separates from all others belong to persons or things, and are bridged. A
+    median filter removes the rest of them. Persons may cover up to half of the picture.
 
     Args:
         image: (h, w, 3) `sparse` image.
@@ -98,7 +98,7 @@ def _bridged(departures: Array32, known: Mask) -> Array32:
 
 
 def wallis_filter(grey: Image | Array32, window_px: int, contrast: float, expansion: float) -> Array32:
-    """Wallis filter: brings the local mean and the local contrast of an image near to given ones.
+    """Wallis filter: brings the local mean and the local contrast of an image near given values.
 
     Args:
         grey: image (h, w).
@@ -131,8 +131,8 @@ _MEDIAN = 0.6745
 def noise_grey(before: Image, after: Image) -> float:
     """Standard deviation of the noise in two images (h, w, 3) one after the other, grey levels of its worst channel.
 
-    Most of the images has to be still; light that flickers as a whole is none of it. What a codec takes for the same is
-    without noise to it.
+    Most of the images must be still; flicker of the whole light does not count. Noise that a codec removes does not
+    count either.
     """
     now, then = (image[::_NOISE_SAMPLING, ::_NOISE_SAMPLING].astype(np.int16) for image in (after, before))
     change = (now - then).reshape(-1, before.shape[-1])

@@ -164,7 +164,7 @@ _CIRCUMFERENCE = float(np.sqrt(2 * np.pi) / _BLUR_PX)
 
 @dataclass(frozen=True)
 class Forces:
-    """What a contour is drawn by."""
+    """Forces on a contour."""
 
     odds: Array32
     """(h, w) log p1 / p2 of every pixel; large where it belongs inside."""
@@ -240,8 +240,8 @@ def descent(start: Mask, forces: Forces, n_steps: int = 60) -> tuple[Mask, list[
     """Gradient descent of eqs. 2 and 4 in a narrow band, with steps that never raise the energy.
 
     Args:
-        start: (h, w) where the contour begins.
-        forces: what it is drawn by.
+        start: (h, w) initial region.
+        forces: on the contour.
         n_steps: at most.
 
     Returns:

@@ -15,11 +15,11 @@ __all__ = ["Reading", "Sequence", "later"]
 
 @runtime_checkable
 class Sequence(Protocol):
-    """An opened recording; frames are decoded while they are iterated, so memory stays bounded."""
+    """An opened recording; frames are decoded on iteration, so memory stays bounded."""
 
     @property
     def rig(self) -> Rig:
-        """The cameras of the images as delivered."""
+        """The cameras of the delivered images."""
         ...
 
     @property
@@ -34,7 +34,7 @@ class Sequence(Protocol):
 
     @property
     def interval_s(self) -> float:
-        """Usual time from one delivered frame to the next, seconds, the stride included."""
+        """Usual time from one delivered frame to the next, seconds, including the stride."""
         ...
 
     @property
@@ -44,21 +44,21 @@ class Sequence(Protocol):
 
     @property
     def known(self) -> tuple[Plate | None, ...]:
-        """What persons stand out against in each view: a plate, or nothing where masks tell; None for neither."""
+        """Background of persons in each view: a plate, or nothing if there are masks; None for neither."""
         ...
 
     @property
     def backdrops(self) -> tuple[Plate | None, ...]:
-        """What each view shows most of the time, made of the recording when first asked for.
+        """Most frequent colours of each view, made from the recording on first use.
 
-        Unknown where nothing is shown for long; somebody who never moves is part of it. None for a view of too few
-        images, in which nothing moves, or everything.
+        Unknown where no colour is frequent; a person who never moves is part of it. None for a view with too few
+        images, without movement, or with movement everywhere.
         """
         ...
 
     @property
     def makes_plates(self) -> bool:
-        """Whether plates are the recording's own affair: neither plates nor masks are told, nor that there are none."""
+        """Whether the recording decides on plates: the configuration names no plates or masks, nor refuses plates."""
         ...
 
     def frames(self) -> Iterator[Frame]:
@@ -75,12 +75,12 @@ class Reading(Protocol):
 
         Raises:
             SequenceError: files are missing, corrupt or do not belong together.
-            CalibrationError: the rig cannot be right or does not fit the images.
+            CalibrationError: the rig is impossible or does not fit the images.
         """
         ...
 
     def open_uncalibrated(self) -> Views:
-        """Opens the views of cameras that are to be calibrated: no rig is needed, `views` names them.
+        """Opens the views of cameras to be calibrated: `views` names them, and no rig is needed.
 
         Raises:
             SequenceError: files are missing, corrupt or do not belong together.

@@ -1,4 +1,4 @@
-"""Cameras that film now: each read in a thread of its own, which keeps the newest images and drops the others."""
+"""Live cameras: each is read in its own thread, which keeps the newest images and drops the others."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from tracker.images.film import film_of, opened
 from tracker.images.reading._video_view import FAULTS, Converter, Decoded
 
 _KEPT = 8
-"""Newest images of a camera: those of one moment are found among them though cameras do not release together."""
+"""Newest images of a camera: those of one moment are among them though cameras do not release together."""
 
 _STRIDE_S = 0.2
-"""Longest time from a frame to the next one while there are images between them. A start takes seconds: who has walked
-on meanwhile was lost in the newest image, looked for anew, and so on: 7 of 469 frames were tracked in 19 s, and 59 so
-(docs/cameras.md)."""
+"""Longest time from a frame to the next one while there are images between them. A start takes seconds: a person who
+had walked on meanwhile was lost in the newest image, searched anew, and so on: 7 of 469 frames were tracked in 19 s,
+with these steps 59 (docs/cameras.md)."""
 
 _BEHIND = 40
-"""Older images of a camera, so far apart, that are kept, with the one before each: a run is eight seconds behind."""
+"""Older kept images of a camera, this far apart, with the one before each: a run is up to eight seconds behind."""
 
 _SILENT_S = 5.0
-"""Time without an image after which a camera counts as gone."""
+"""Time without an image after which a camera is gone."""
 
 _STREAM_OPTIONS = {"rtsp_transport": "tcp", "fflags": "nobuffer"}
 """Of streams: lost packets are sent again, and nothing waits in a queue (FFmpeg's protocols and formats)."""
@@ -40,17 +40,17 @@ _STREAM_OPTIONS = {"rtsp_transport": "tcp", "fflags": "nobuffer"}
 
 @dataclass(frozen=True)
 class Source:
-    """Where a view's images come from."""
+    """Source of a view's images."""
 
     view: str
     place: int | str | Path
     """Number of a camera of this machine, address of a stream, or a film that is played at its own rate."""
 
     def images(self) -> Iterator[tuple[float | None, Image | Packed]]:
-        """When each image is due, seconds from the first one, None for now; and the image.
+        """Time at which each image is due, seconds from the first one, None for now; and the image.
 
         Raises:
-            SequenceError: it cannot be opened, or ends where it should not.
+            SequenceError: it cannot be opened, or ends too early.
         """
         if isinstance(self.place, int):
             yield from _of_a_device(self.place, self.view)
@@ -105,24 +105,24 @@ class Arrived:
     """An image of a camera."""
 
     time_s: float
-    """Of the clock."""
+    """Time of the clock."""
 
     number: int
-    """Of the image among all of its camera, from 1 on."""
+    """Number of the image among all of its camera, from 1 on."""
 
     image: Image | Packed
 
 
 class Camera(threading.Thread):
-    """One view's newest images; whoever is slower than the camera misses some."""
+    """One view's newest images; a slow reader misses some."""
 
     def __init__(self, source: Source, arrived: threading.Condition, together: threading.Barrier) -> None:
         """Not running yet.
 
         Args:
             source: of the images.
-            arrived: notified of each image, and of the end.
-            together: where cameras wait for each other before the first image.
+            arrived: event for each image, and for the end.
+            together: barrier for the cameras before the first image.
         """
         super().__init__(daemon=True, name=f"camera {source.view}")
         self.newest: deque[Arrived] = deque(maxlen=_KEPT)
@@ -135,7 +135,7 @@ class Camera(threading.Thread):
         self._stopped = threading.Event()
 
     def run(self) -> None:
-        """Reads until it is stopped, or there is no more."""
+        """Reads until it is stopped, or the source ends."""
         try:
             self._read()
         except SequenceError as error:
@@ -160,14 +160,14 @@ class Camera(threading.Thread):
             with self._arrived:
                 if len(self.newest) == _KEPT:
                     self._keep(self.newest[0])
-                # a film tells of which moment an image is, even where this machine is too slow to play it
+                # a film gives the moment of each image, even if this machine is too slow to play it
                 self.newest.append(Arrived(time.monotonic() if due_s is None else begin_s + due_s, number, image))
                 self._arrived.notify_all()
 
     def _keep(self, image: Arrived) -> None:
         """Keeps the first image of each `_STRIDE_S` of the clock, and the last one of the stretch before.
 
-        One of them is of the moment of another camera's first one, whose clock runs a little otherwise.
+        One of them is of the moment of another camera's first one, although clocks differ a little.
         """
         if self._left is None or image.time_s // _STRIDE_S > self._left.time_s // _STRIDE_S:
             self.beside.extend([] if self._left is None else [self._left])
@@ -175,11 +175,11 @@ class Camera(threading.Thread):
         self._left = image
 
     def after(self, time_s: float) -> list[Arrived]:
-        """The images that a run may go on to from a time, in order."""
+        """The images to which a run may go on from a time, in order."""
         return [one for one in (*self.earlier, *self.newest) if one.time_s > time_s]
 
     def nearest(self, moment_s: float, after_s: float) -> Arrived:
-        """The image nearest to a moment of those that are kept of later than a time."""
+        """The kept image nearest to a moment, later than a time."""
         kept = (one for one in (*self.beside, *self.earlier, *self.newest) if one.time_s > after_s)
         return min(kept, key=lambda one: abs(one.time_s - moment_s))
 
@@ -194,14 +194,14 @@ class Moment:
     """Images of all views that arrived at about one time."""
 
     time_s: float
-    """Of the clock."""
+    """Time of the clock."""
 
     images: tuple[Image | Packed, ...]
     apart_s: float
-    """From the first of them to the last."""
+    """Time from the first of them to the last."""
 
     n_before: int
-    """Images that every view has had up to these, these included."""
+    """Number of images of every view up to these, including them."""
 
 
 class Cameras:
@@ -224,7 +224,7 @@ class Cameras:
             camera.stop()
 
     def newest(self) -> Moment | None:
-        """The newest images of all views that were not taken yet, or those a step on towards them; None at films' end.
+        """The newest images of all views since the last call, or those one step on; None at films' end.
 
         Raises:
             SequenceError: a camera cannot be read, or is silent.
@@ -248,7 +248,7 @@ class Cameras:
 
     @property
     def _begun(self) -> bool:
-        """Whether images were taken before."""
+        """Whether there was an earlier call."""
         return min(self._taken) > float("-inf")
 
     @staticmethod
@@ -256,9 +256,9 @@ class Cameras:
         return bool(camera.newest) and camera.newest[-1].time_s > taken_s
 
     def _of_one_moment(self) -> Moment:
-        """Of each view the image that arrived nearest to the newest one of the view that is last.
+        """For each view the image nearest in time to the newest one of the slowest view.
 
-        Where that is more than a step on from those taken last, nearest to an image of this view a step on.
+        If that is more than a step after the last one, the image of this view nearest to one step on.
         """
         fresh = [camera.after(taken_s) for camera, taken_s in zip(self._cameras, self._taken, strict=True)]
         last = min(fresh, key=lambda images: images[-1].time_s)

@@ -1,4 +1,4 @@
-"""What a recording is on disk, one stream of images a view, and which of its views and frames are read."""
+"""A recording on disk, one stream of images a view, and the selection of views and frames."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from tracker.images.reading._timeline import ViewOffset
 OnMissing = Literal["error", "skip"]
 
 _FEWEST_TELLING = 10
-"""Frames of the shortest view from which its length tells a rate."""
+"""Least number of frames of the shortest view whose length shows a rate."""
 
 _OF_A_FACTOR = 0.03
-"""By which lengths of one time at two rates are off a whole factor: cameras are not stopped in one frame."""
+"""Tolerance of the whole ratio of two lengths at two rates: cameras do not stop in one frame."""
 
 log = logging.getLogger("tracker")
 
 
 @dataclass(frozen=True)
 class Selection:
-    """Which frames of a recording are delivered."""
+    """The delivered frames of a recording."""
 
     start: int
     stop: int
@@ -45,7 +45,7 @@ def chosen_rig(path: Path | None, views: tuple[str, ...]) -> Rig:
     """The rig of a file, restricted to the named views in their order.
 
     Raises:
-        ConfigError: no file is given.
+        ConfigError: the configuration names no file.
     """
     if path is None:
         raise ConfigError('[reading]: the key "rig" is missing, expected the calibration, e.g. rig = "Calib.toml"')
@@ -53,7 +53,7 @@ def chosen_rig(path: Path | None, views: tuple[str, ...]) -> Rig:
 
 
 def chosen_names(views: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of cameras that no rig tells.
+    """Names of cameras without a rig.
 
     Raises:
         ConfigError: there are none, or one is given twice.
@@ -99,7 +99,7 @@ def common_length(
     on_missing: OnMissing,
     stop: int | None,
 ) -> int:
-    """Number of frames that all views have; the longest view's where views may be missing or end after `stop`.
+    """Number of frames of all views; the longest view's if views may be missing or end after `stop`.
 
     Raises:
         SequenceError: the views have different numbers of frames, some too few, and none may be missing.
@@ -119,7 +119,7 @@ def common_length(
 
 
 def _told_factor(names: tuple[str, ...], lengths: list[int]) -> str:
-    """What is said of a view that has a whole share of the frames of others; empty if none has."""
+    """Message about a view whose length is a whole share of the others'; empty without one."""
     shortest, longest = min(lengths), max(lengths)
     times = round(longest / shortest) if shortest >= _FEWEST_TELLING else 1
     if times < 2 or abs(longest / (times * shortest) - 1) > _OF_A_FACTOR:
@@ -192,13 +192,13 @@ class ImageStream(Protocol):
         ...
 
     def held(self, index: int) -> Image | Packed | None:
-        """The same, packed where that takes less memory; see `read`."""
+        """The same, packed if that takes less memory; see `read`."""
         ...
 
 
 @dataclass(frozen=True)
 class Footage:
-    """What a reading component has found on disk."""
+    """Files of a recording, for a reading component."""
 
     names: tuple[str, ...]
     """The views in order."""

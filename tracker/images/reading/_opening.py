@@ -1,4 +1,4 @@
-"""Opens what the settings of a reading choose from its footage: frames, plates, masks and occluders."""
+"""Opens the selected footage of a reading: frames, plates, masks and occluders."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ from tracker.images.reading._sequence import (
 )
 from tracker.images.reading._timeline import Offsets, chosen_offsets
 
-# Frames of a long recording in which what most of them show is looked for: all before the last have to be decoded.
+# Frames of a long recording that make backdrops: all before the last must be decoded.
 _MOST_SEARCHED = 1500
 
 
 @component
 class Settings:
-    """What every recording of files is opened by."""
+    """Settings of every recording of files."""
 
     path: ViewPaths
     """Files of the views."""
@@ -65,27 +65,27 @@ class Settings:
     """Cameras to use, in this order; empty for all of the rig."""
 
     offsets: Offsets = pydantic.Field(default_factory=dict)
-    """Which image of a view belongs to frame 0."""
+    """Image of a view that belongs to frame 0."""
 
     in_step: Literal["auto", "long", "off"] = "auto"
     """Whether views are brought in step."""
 
     background: PlatePattern | None = None
-    """Clean plates: images or short clips, for instance `background/{view}.png`. Where nothing is said: what most
-    images of the recording show, if in two views or more everybody walks about. "median": the same, with a word for
-    each view that has none; "none": no plates."""
+    """Clean plates: images or short clips, for instance `background/{view}.png`. Default: plates from most images of
+    the recording, if every person walks about in two views or more. "median": the same, with a message for each view
+    that has none; "none": no plates."""
 
     masks: PathPattern | None = None
-    """Silhouettes that you bring, in place of plates or beside them, for instance `masks/{view}/{frame}.png`; what is
-    not black, nor transparent, is a person."""
+    """Your own silhouettes, in place of plates or beside them, for instance `masks/{view}/{frame}.png`; pixels that are
+    neither black nor transparent are a person."""
 
     occluders: PathPattern | None = None
-    """Pictures of what stands before the persons, for instance `occluders/{view}.png`, for those views that have some:
-    what is not black hides them (a table, a treadmill). They serve plates, also those that the recording makes."""
+    """Pictures of things before the persons, for instance `occluders/{view}.png`, for views that have some: pixels that
+    are not black hide the persons (a table, a treadmill). They complete plates, also those that the recording makes."""
 
     align_background: bool = False
-    """Fit each plate to the first frame by its features and its light: for plates taken before the camera was turned
-    or zoomed a little, or the pictures were cut otherwise. The camera must not have been carried elsewhere."""
+    """Fit each plate to the first frame by its features and its light: for plates from before a small turn or zoom of
+    the camera, or with pictures cut differently. The camera must not have been carried elsewhere."""
 
     start: int = pydantic.Field(default=0, ge=0)
     """First frame."""
@@ -97,20 +97,21 @@ class Settings:
     """Deliver every so many frames."""
 
     downscale: Downscale | None = None
-    """Images are averaged over so many pixels in both directions; the rig follows. 0.5 enlarges them twice. Where
-    nothing is said: in tracking what shows persons some 300 px high, else 1."""
+    """Images are averaged over so many pixels in both directions; the rig follows. 0.5 enlarges them twice. Default:
+    in tracking the factor that shows persons some 300 px high, else 1."""
 
     gain: float | None = pydantic.Field(default=None, gt=0, le=10)
-    """Images and plates are multiplied by it. Where nothing is said: in tracking what makes dark ones as bright as
+    """Images and plates are multiplied by it. Default: in tracking the factor that makes dark images as bright as
     usual, else 1."""
 
     smoothing_px: float | None = pydantic.Field(default=None, ge=0, le=5)
-    """Standard deviation of the Gaussian that images and plates are smoothed by, px of them as delivered. Where nothing
-    is said: in tracking 1 where they are noisy, else 0."""
+    """Standard deviation of the Gaussian that smooths images and plates, px of the delivered images. Default:
+    in tracking 1 for noisy images, else 0."""
 
     lines: Lines = "all"
-    """Of interlaced recordings the 1st, 3rd, 5th ... lines (`odd`) or the others (`even`): they were taken at one time.
-    Those between are made of them, so that images and calibration keep their size. Plates go the same way."""
+    """For interlaced recordings: use the 1st, 3rd, 5th ... lines (`odd`) or the others (`even`), which were taken at
+    one time. The lines between are interpolated, so that images and calibration keep their size. Plates are treated in
+    the same way."""
 
     on_missing: OnMissing = "error"
     """`skip` leaves a view out of the frames that it lacks or that cannot be read."""
@@ -139,7 +140,7 @@ def opened(settings: Settings, footage: Footage, rig: Rig) -> OpenSequence:
 
 
 def opened_uncalibrated(settings: Settings, footage: Footage) -> OpenViews:
-    """The views that the settings choose from a recording of cameras without a calibration.
+    """The selected views of a recording of cameras without a calibration.
 
     Raises:
         SequenceError: lengths or range do not fit, or a view lacks the first image, which tells its size.
@@ -206,7 +207,7 @@ def _opened_masks(pattern: str, footage: Footage, views: OpenViews) -> MaskFiles
 
 
 def _spread_images(views: OpenViews, length: int, v: int) -> list[Image]:
-    """Images of a view as delivered, spread over its recording; of a long one, over what follows the first frame."""
+    """Images of a view as delivered, spread over its recording; of a long one, over the frames after the first one."""
     if length == 0:
         return []
     offset = views.offsets[v]

@@ -25,31 +25,29 @@ N_SAMPLES = 25
 
 # Colours that agree: six deviations of a noise of 2 grey levels.
 _REACH = 12
-# A place is free where so many images agree, and not so many others on something else: somebody may stand for most of
-# the time and leave.
-# See docs/lab/backdrops.md.
+# A place is free if so many images agree, and not so many others on another colour: a person may stand for most of the
+# time and leave. See docs/lab/backdrops.md.
 _MOST, _RIVALS = 0.6, 0.3
 
 
 # Rows of all images that are looked at together: 25 images of 4K are 0.6 GiB, which need not be there twice.
 _ROWS = 64
-# What is not known is grown by this share of the longer side: 7 px of 720, for colours are smoothed and bodies sway.
+# Unknown regions grow by this share of the longer side: 7 px of 720, because colours are smoothed and bodies sway.
 _GROWN = 0.01
 
 
 @dataclass(frozen=True)
 class RecordedPlate:
-    """A plate made of images with persons in them, and whether it can be one."""
+    """A plate from images with persons, and its quality."""
 
     plate: Plate
-    """Unknown where no colour is that of the scene without doubt."""
+    """Unknown where no colour is surely the scene's."""
 
     moving: float
-    """Share of the view that persons cover at some time: nearly nothing where nobody ever moves."""
+    """Share of the view that persons cover at some time: nearly nothing if no person ever moves."""
 
     known: float
-    """Of what persons cover in an image the share that lies where the plate knows: 1 where they walk about, less where
-    they stay."""
+    """Known share of the pixels that persons cover in an image: 1 if they walk about, less if they stay."""
 
     level: float
     """Median threshold of the images against the plate, grey levels."""
@@ -157,7 +155,7 @@ def _fitted_plate(name: str, plate: Image, path: Path, image: Image | None) -> I
 
 
 def recorded_plates(names: Sequence[str], images_of: Callable[[int], Sequence[Image]]) -> tuple[Plate | None, ...]:
-    """Plates of what most images show; None, with a warning that says why, for views where somebody stays.
+    """Plates from most images; None, with a warning that says why, for views in which a person stays.
 
     Args:
         names: of the views.
@@ -173,33 +171,33 @@ def recorded_plates(names: Sequence[str], images_of: Callable[[int], Sequence[Im
 
 
 def backdrop(images: Sequence[Image]) -> RecordedPlate | None:
-    """What most images (h, w, 3) of a view show, somebody who stays among it; None where nothing moves, or all does."""
+    """Most frequent colours of a view's images (h, w, 3), persons who stay included; None if nothing, or all, moves."""
     return _recorded(images, 0.0)[0]
 
 
 def clean_enough(backdrops: Sequence[RecordedPlate | None]) -> tuple[Plate | None, ...]:
-    """Backdrops as plates where in two views nobody stays; none at all elsewhere.
+    """Backdrops as plates if no person stays in two views; otherwise none.
 
-    Who walks about in two views does so in space, and stays in the others along the line of sight alone: where, the
-    plate says. Of somebody who moves an arm or two the rest would be background. With the plates of two views alone two
-    recordings were 65 and 37 mm off; with those of all four 31 and 24.
+    A person who walks about in two views does so in space, and stays in the others only along the line of sight: the
+    plate is unknown there. Of a person who moves an arm or two the rest would be background. With the plates of only
+    two views two recordings were 65 and 37 mm off; with those of all four 31 and 24.
     """
     free = sum(one is not None and one.known >= _LEAST_KNOWN for one in backdrops)
     return tuple(None if one is None or free < _LEAST_VIEWS else one.plate for one in backdrops)
 
 
 def _recorded(images: Sequence[Image], least_known: float) -> tuple[RecordedPlate | None, str]:
-    """A plate, or why it can't be made."""
+    """A plate, or why there is none."""
     if len(images) < _LEAST_IMAGES:
         return None, f"it has {len(images)} images to make it of, expected at least {_LEAST_IMAGES}"
     found = recorded_plate(images)
     if found.level > MOST_LEVEL:
         return None, f"its images differ from one another by {found.level:.0f} grey levels: did the camera move?"
     if found.moving < _LEAST_MOVING:
-        return None, "nobody moves: whoever stands there all the time would be in it; film the scene without persons"
+        return None, "no person moves: one who stands there all the time would be in it; film the scene without persons"
     if found.known < least_known:
         return None, (
-            f"somebody stays in one place (of what persons cover {found.known:.0%} is known without them, expected at "
-            f"least {least_known:.0%}); film the scene without persons, or bring masks"
+            f"a person stays in one place ({found.known:.0%} of the pixels that persons cover are known without them, "
+            f"expected at least {least_known:.0%}); film the scene without persons, or bring masks"
         )
     return found, ""

@@ -35,8 +35,8 @@ _NANOSECONDS = 1e-9
 """Seconds."""
 
 _MOST_OFF = 0.6
-"""Of an interval: an image that is farther from a frame's time is none of it. Cameras that are not triggered are up to
-half of one apart."""
+"""Share of an interval: an image farther from a frame's time does not belong to it. Cameras that are not triggered are
+up to half of one apart."""
 
 
 def paired_by_stamps(paths: Mapping[str, Path], found: list[Timeline | None]) -> list[Timeline | None]:
@@ -228,7 +228,7 @@ def _asked_for(clockless: Mapping[str, Timeline]) -> str:
 
 
 def told_of_rates(views: Mapping[str, Timeline], fps: float, given: float | None) -> Iterator[str]:
-    """What is said of views at the rate that is taken.
+    """Messages about views at the chosen rate.
 
     Args:
         views: as they are read.
@@ -251,7 +251,7 @@ def told_of_rates(views: Mapping[str, Timeline], fps: float, given: float | None
 
 
 def _apart(timelines: list[Timeline]) -> str:
-    """What is said of views whose frame rates hardly differ, but by frames at the end; empty if they do not."""
+    """Message about views whose frame rates hardly differ, but add up to frames at the end; empty without any."""
     rates = [one.fps for one in timelines]
     n_frames = max(map(len, timelines)) * (1 - min(rates) / max(rates)) if rates and max(rates) > 0 else 0.0
     if n_frames < _APART_FRAMES:

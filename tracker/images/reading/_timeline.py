@@ -1,4 +1,4 @@
-"""Which image of a view belongs to which frame: what time stamps say, and the offsets that are given."""
+"""Assigns the images of a view to frames: by time stamps, and by given offsets."""
 
 from __future__ import annotations
 

@@ -26,8 +26,8 @@ FAULTS = (av.FFmpegError, ValueError, OverflowError, MemoryError, EOFError)
 class VideoView(ImageStream):
     """Decodes one file forwards; reading an earlier frame than the last one is not possible.
 
-    What cannot be decoded is missing, and so is what follows up to the next key frame: it was made of it. Images are
-    turned as the file's metadata tell, as players and calibrating programs do.
+    Frames that cannot be decoded are missing, and so are those up to the next key frame, which depend on them. Images
+    are turned as the file's metadata tell, as players and calibrating programs do.
     """
 
     def __init__(self, path: Path, timeline: Timeline) -> None:

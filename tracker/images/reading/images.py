@@ -44,14 +44,14 @@ class ImageReading(Settings):
     frame and the offset from it on, `{ left = [[0, 3], [120, 2]] }`."""
 
     in_step: Literal["auto", "long", "off"] = "auto"
-    """"auto": a run looks in its first 100 frames by how many what moves is late in each view, and corrects that by
-    `offsets`. "long": it looks at 1000 frames, in which clocks of other rates show. "off": views are paired as they
-    are, and poses stay as tracked. Else those of views that the person shows to be late by parts of a frame are brought
-    to the first view's moment."""
+    """"auto": the run measures the delay of each view by the movements in its first 100 frames, and corrects it by
+    `offsets`. "long": it measures 1000 frames, in which clocks of other rates show. "off": views are paired as they
+    are, and poses stay as tracked. Otherwise the run also brings views that the person shows to be late by parts of a
+    frame to the first view's moment."""
 
     masks: PathPattern | None = None
-    """Silhouettes that you bring, in place of plates or beside them, for instance `masks/{view}/{frame}.png`, numbered
-    as the images; what is not black, nor transparent, is a person."""
+    """Your own silhouettes, in place of plates or beside them, for instance `masks/{view}/{frame}.png`, numbered as the
+    images; pixels that are neither black nor transparent are a person."""
 
     start: int = pydantic.Field(default=0, ge=0)
     """First frame, counted from the lowest number of all views."""

@@ -1,4 +1,4 @@
-"""Cameras that film now, of this machine or of a network; what comes while a frame is at work is dropped."""
+"""Live cameras, of this machine or of a network; images that come during the work on a frame are dropped."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ log = logging.getLogger("tracker")
 
 @component
 class LiveReading:
-    """Cameras that film now: frames that come while one is at work are dropped and counted, never queued."""
+    """Live cameras: frames that come during the work on one are dropped and counted, never queued."""
 
     live: ClassVar[bool] = True
-    """Frames come but once: a job looks at none twice."""
+    """Each frame comes only once: a job can use it only once."""
 
     cameras: dict[str, int | str] = pydantic.Field(default_factory=dict)
     """View -> number of a camera of this machine (0, 1, ...), or address of a stream: `{ left = 0, right =
     "rtsp://192.168.0.7/live" }`."""
 
     path: ViewPaths | None = None
-    """In place of cameras, for a rehearsal: films that are played at their own rate, for instance `{view}.mp4`."""
+    """In place of cameras, for a rehearsal: films played at their own rate, for instance `{view}.mp4`."""
 
     rig: FilePath | None = None
     """Calibration: a file or folder in any layout that `bodytrack rig convert` reads."""
@@ -55,26 +55,26 @@ class LiveReading:
     """Cameras to use, in this order; empty for all of the rig."""
 
     fps: float = pydantic.Field(default=25.0, ge=LEAST_FPS, le=MOST_FPS, allow_inf_nan=False)
-    """Frames per second that the cameras film at: it numbers the frames. Their times are those of arrival."""
+    """Frame rate of the cameras, Hz: it numbers the frames. Their times are those of arrival."""
 
     seconds: float = pydantic.Field(default=3600.0, gt=0, allow_inf_nan=False)
-    """It ends after so many seconds; Ctrl-C ends it before."""
+    """The run ends after so many seconds; Ctrl-C ends it before."""
 
     background: PlatePattern | None = None
     """Clean plates: images or short clips, for instance `background/{view}.png`. None: no plates."""
 
     downscale: Downscale | None = None
-    """Images are averaged over so many pixels in both directions; the rig follows. 0.5 enlarges them twice. Where
-    nothing is said: in tracking what shows persons some 300 px high, else 1."""
+    """Images are averaged over so many pixels in both directions; the rig follows. 0.5 enlarges them twice. Default:
+    in tracking the factor that shows persons some 300 px high, else 1."""
 
     gain: float = pydantic.Field(default=1.0, gt=0, le=10)
-    """Factor that images and plates are multiplied by."""
+    """Factor for the grey levels of images and plates."""
 
     smoothing_px: float = pydantic.Field(default=0.0, ge=0, le=5)
-    """Standard deviation of the Gaussian that images and plates are smoothed by, px of them as delivered."""
+    """Standard deviation of the Gaussian that smooths images and plates, px of the delivered images."""
 
     def open(self) -> LiveSequence:
-        """Opens all views, and looks at an image of each; see `tracker.images.reading.Reading.open`."""
+        """Opens all views, and reads an image of each; see `tracker.images.reading.Reading.open`."""
         rig = chosen_rig(self.rig, self.views)
         sources = self._sources(rig)
         for camera, source in zip(rig.cameras, sources, strict=True):
@@ -86,9 +86,7 @@ class LiveReading:
 
         plates: tuple[Plate | None, ...] = (None,) * len(rig)
         if self.background == RECORDED:
-            raise SequenceError(
-                f'background = "{RECORDED}": cameras that film now have shown nothing yet; bring plates'
-            )
+            raise SequenceError(f'background = "{RECORDED}": live cameras have shown nothing yet; bring plates')
         if self.background not in (None, NO_PLATES):
             plates = load_plates(rig, self.background, delivered, plate_of_clip)
         as_filmed = factor == 1 and self.gain == 1 and self.smoothing_px == 0
@@ -96,14 +94,15 @@ class LiveReading:
         return LiveSequence(small, self.fps, self.seconds, plates, sources, None if as_filmed else delivered)
 
     def open_uncalibrated(self) -> Views:
-        """Refuses: a board is looked for in a recording; see `tracker.images.reading.Reading.open_uncalibrated`."""
+        """Refuses: a calibration needs a recording; see `tracker.images.reading.Reading.open_uncalibrated`."""
         raise ConfigError('[reading] use = "live": cameras are calibrated from a recording, expected use = "video"')
 
     def _sources(self, rig: Rig) -> tuple[Source, ...]:
-        """Where the images of each view come from.
+        """Source of the images of each view.
 
         Raises:
-            ConfigError: no cameras, or films as well; or a camera that the rig lacks, or has and is not told.
+            ConfigError: no cameras, or films as well; or a camera that the rig lacks, or has and the configuration does
+                not.
         """
         if (self.path is None) == (not self.cameras):
             raise ConfigError("[reading] live: expected cameras = { VIEW = NUMBER or ADDRESS, ... }, or path for films")
@@ -115,9 +114,7 @@ class LiveReading:
             if name not in rig.names:
                 raise ConfigError(f'[reading] cameras: no camera "{name}" in the rig; {nearest(name, rig.names)}')
         if missing := [name for name in rig.names if name not in places]:
-            raise ConfigError(
-                f"[reading] cameras: none is told for {', '.join(missing)}; `views` names those that are used"
-            )
+            raise ConfigError(f"[reading] cameras: {', '.join(missing)} missing; `views` names the used ones")
         return tuple(Source(name, places[name]) for name in rig.names)
 
 
@@ -132,30 +129,30 @@ def _first_image(source: Source) -> Image | Packed:
 
 @dataclass
 class LiveCounts:
-    """What became of the frames of cameras, so far."""
+    """Counts of the frames of live cameras so far."""
 
     tracked: int = 0
     dropped: int = 0
     seconds: float = 0.0
-    """From the first frame to the last."""
+    """Time from the first frame to the last."""
 
     apart_ms: float = 0.0
     """Longest time between the images of one frame."""
 
     latency_s: float = 0.0
-    """From the arrival of a frame's images to its poses, on average of all frames."""
+    """Mean time from the arrival of a frame's images to its poses."""
 
     latest_s: float = 0.0
-    """The same of the last frame."""
+    """The same for the last frame."""
 
     done_frames: int = 0
-    """Those whose poses are there."""
+    """Number of frames with poses."""
 
     begin_s: float = 0.0
-    """When the first frame arrived, by the clock."""
+    """Time of the first frame's arrival, by the clock."""
 
     def done(self, time_s: float) -> None:
-        """The poses of the frame at a time, seconds from the first one, are there."""
+        """Counts a frame whose poses are ready; its time, seconds from the first one."""
         self.latest_s = time.monotonic() - self.begin_s - time_s
         self.done_frames += 1
         self.latency_s += (self.latest_s - self.latency_s) / self.done_frames
@@ -172,7 +169,7 @@ class LiveCounts:
 
 @dataclass(frozen=True)
 class LiveSequence:
-    """Opened cameras; see `tracker.images.reading.Sequence`. Each time frames are asked for, they are those of then."""
+    """Opened cameras; see `tracker.images.reading.Sequence`. Each iteration delivers the frames of its own time."""
 
     live: ClassVar[bool] = True
 
@@ -182,14 +179,14 @@ class LiveSequence:
     plates: tuple[Plate | None, ...]
     sources: tuple[Source, ...]
     delivered: Callable[[Image], Image] | None
-    """Makes of an image what is looked at; None for nothing."""
+    """Makes the delivered image; None for an unchanged one."""
 
     counts: LiveCounts = field(default_factory=LiveCounts)
-    """Of the frames that were asked for last."""
+    """Counts of the last iteration."""
 
     @property
     def n_frames(self) -> int:
-        """Number of frames at most, if none is dropped."""
+        """Largest number of frames, if none is dropped."""
         return max(1, round(self.seconds * self.fps))
 
     @property
@@ -199,12 +196,12 @@ class LiveSequence:
 
     @property
     def known(self) -> tuple[Plate | None, ...]:
-        """What persons stand out against in each view."""
+        """Background of persons in each view."""
         return self.plates
 
     @property
     def backdrops(self) -> tuple[Plate | None, ...]:
-        """None: what will be shown most of the time is not known yet."""
+        """None: the most frequent colours are not known yet."""
         return (None,) * len(self.rig)
 
     @property
@@ -213,7 +210,7 @@ class LiveSequence:
         return False
 
     def frames(self) -> Iterator[Frame]:
-        """The newest images whenever they are asked for, until the time is over; numbers leave out what was dropped."""
+        """The newest images at each request, until the time is over; numbers leave out the dropped ones."""
         begin_s, last = None, -1
         with Cameras(self.sources) as cameras:
             while (moment := cameras.newest()) is not None:
@@ -238,5 +235,5 @@ class LiveSequence:
 
 
 def counts_of(sequence: Any) -> LiveCounts | None:
-    """What became of the frames of cameras that film now; None of a recording."""
+    """Counts of the frames of live cameras; None for a recording."""
     return sequence.counts if isinstance(sequence, LiveSequence) else None

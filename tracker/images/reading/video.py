@@ -46,24 +46,25 @@ class VideoReading(Settings):
     """
 
     offsets: Offsets = pydantic.Field(default_factory=dict)
-    """Frame of a view's file that belongs to frame 0, where it is not 0; of a view of which every second frame is
-    taken, see `fps`, counted in those that are. Where a camera has dropped some: pairs of a frame and the offset from
-    it on, `{ left = [[0, 3], [120, 2]] }`."""
+    """Frame of a view's file that belongs to frame 0, if it is not 0; for a view of which every second frame is used,
+    see `fps`, it counts the used ones. If a camera has dropped frames: pairs of a frame and the offset from it on, `{
+    left = [[0, 3], [120, 2]] }`."""
 
     in_step: Literal["auto", "long", "off"] = "auto"
-    """"auto": times that Caliscope or FreeMoCap has written beside its videos pair their images, and a run looks in its
-    first 100 frames by how many what moves is late in each view, and corrects that by `offsets`. "long": it looks at
-    1000 frames, in which clocks of other rates show. "off": views are paired as they are,
-    and poses stay as tracked. Else those of views that the person shows to be late by parts of a frame are brought to
-    the first view's moment."""
+    """"auto": times that Caliscope or FreeMoCap wrote beside its videos pair their images; the run also measures the
+    delay of each view by the movements in its first 100 frames, and corrects it by `offsets`. "long": it measures 1000
+    frames, in which clocks of other rates show. "off": views are paired as they are, and poses stay as tracked.
+    Otherwise the run also brings views that the person shows to be late by parts of a frame to the first view's
+    moment."""
 
     masks: PathPattern | None = None
-    """Silhouettes that you bring, in place of plates or beside them, for instance `masks/{view}/{frame}.png`, numbered
-    from 0 at the first image of the file; dropped ones have no number. What is not black, nor transparent, is a person.
+    """Your own silhouettes, in place of plates or beside them, for instance `masks/{view}/{frame}.png`, numbered from 0
+    at the first image of the file; dropped ones have no number. Pixels that are neither black nor transparent are a
+    person.
     """
 
     fps: float | None = pydantic.Field(default=None, ge=LEAST_FPS, le=MOST_FPS, allow_inf_nan=False)
-    """Frames per second; None takes the files' own. Streams without a container (`.h264`, `.mjpeg`) have none. Where
+    """Frames per second; default: those of the files. Streams without a container (`.h264`, `.mjpeg`) have none. If
     views film at different rates, the lowest one takes every second, third, ... frame of those of twice, three times
     ... as many."""
 
