@@ -174,7 +174,7 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "nothing rigid": (lambda m: m["rigid_ends"]["head"].pop("parts"), r"rigid_ends\.head\.parts: Field required"),
     "rigid limb": (
         lambda m: m["rigid_ends"].update(left_arm={"parts": ["left_hand"]}),
-        r"rigid_ends\.left_arm: a group is called so",
+        r"rigid_ends\.left_arm: a group has this name",
     ),
     "no curve": (lambda m: m["movements"][CURVES].pop("curves"), r"movements\.two_elbow_rotation\.curves: Field req"),
     "no such curve": (

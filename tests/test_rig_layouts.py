@@ -104,7 +104,7 @@ def test_the_name_of_the_target_tells_the_layout(tmp_path: Path, name: str, use:
 @pytest.mark.parametrize(
     ("name", "use", "words"),
     [
-        ("rig", None, "its name does not tell the layout; name it: anipose, caliscope"),
+        ("rig", None, "its name does not show the layout; name it: anipose, caliscope"),
         ("rig.toml", "qualysis", 'no layout "qualysis"; did you mean "qualisys"'),
         ("rig.toml", "qualisys", "a file that ends in .qca.txt or .xml"),
         ("taken", "opencv", "this layout is a folder, and a file is there"),

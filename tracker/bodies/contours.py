@@ -28,7 +28,7 @@ class ViewContours:
     """(N, 2) unit image normals, pointing away from the part."""
 
     weights: Array32
-    """(N,) contour length that a sample stands for, px."""
+    """(N,) contour length of a sample, px."""
 
     parts: Integers
     """(N,) scene-wide part number."""
@@ -49,8 +49,8 @@ class Contours:
     """Samples for B poses and V views, padded to M samples; only the first `counts[b, v]` are valid."""
 
     positions: Array32
-    """(B, V, M, 5) pixel x, y; unit image normal x, y, pointing away from the part; contour length that the
-    sample stands for, px, 0 for samples between parts."""
+    """(B, V, M, 5) pixel x, y; unit image normal x, y, pointing away from the part; contour length of the sample, px, 0
+    for samples between parts."""
 
     points: Array32
     """(B, V, M, 3) the sample on the surface, world, metres."""
@@ -83,7 +83,7 @@ class Contours:
         return Contours(self.positions[one], self.points[one], self.parts[one], self.between[one], self.counts[one])
 
     def without(self, hidden: Mask) -> Contours:
-        """The same with samples of length 0 where parts (V, P) do not count in a view."""
+        """The same with samples of length 0 if their parts (V, P) do not count in a view."""
         positions, there = self.positions.copy(), np.arange(self.parts.shape[2]) < self.counts[..., None]
         views = np.arange(len(hidden))[:, None]
         positions[there & hidden[views, np.where(there, self.parts, 0)], 4] = 0.0
@@ -91,7 +91,7 @@ class Contours:
 
     @cached_property
     def matched(self) -> tuple[Array32, ...]:
-        """For each view pixel and normal (N, 4) of the samples that are matched, of all poses."""
+        """For each view pixel and normal (N, 4) of the matched samples, of all poses."""
         found = []
         for view in range(self.n_views):
             rows = [self.positions[b, view, : self.counts[b, view]] for b in range(self.n_poses)]
@@ -100,12 +100,12 @@ class Contours:
 
     @cached_property
     def boxes(self) -> tuple[Array32 | None, ...]:
-        """For each view the `bounding_box` of the samples that are matched, of all poses."""
+        """For each view the `bounding_box` of the matched samples, of all poses."""
         return tuple(map(bounding_box, self.matched))
 
     @property
     def valid(self) -> Mask:
-        """(B, V, M) which samples are valid."""
+        """(B, V, M) valid samples."""
         mask: Mask = np.arange(self.parts.shape[2]) < self.counts[..., None]
         return mask
 
@@ -148,7 +148,7 @@ def gathered(sets: Sequence[Contours], kept: Sequence[Mask]) -> Contours:
 
     Args:
         sets: contours.
-        kept: (B, V, M) for each of them, which of its samples.
+        kept: (B, V, M) for each of them, its samples to keep.
     """
     mask = np.concatenate([which & one.valid for one, which in zip(sets, kept, strict=True)], axis=2)
     counts = mask.sum(axis=2)
@@ -166,12 +166,12 @@ def gathered(sets: Sequence[Contours], kept: Sequence[Mask]) -> Contours:
 
 
 def expected_samples(contours: Contours, view: int) -> Array32:
-    """Pixel and normal (M, 4) of the samples that are matched, of all poses, in one view."""
+    """Pixel and normal (M, 4) of the matched samples, of all poses, in one view."""
     return contours.matched[view]
 
 
 def expected_region(contours: Contours, view: int, size: tuple[int, int], margin_px: float) -> Region:
-    """The region around the samples that are matched, of all poses, in one view; see `region_around`."""
+    """The region around the matched samples, of all poses, in one view; see `region_around`."""
     return _region(contours.boxes[view], size, margin_px)
 
 

@@ -1,4 +1,4 @@
-"""The soles of bodies, and where they rest on the floor."""
+"""The soles of bodies, and their places of rest on the floor."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from tracker.bodies.keypoints import meant, plain_name
 from tracker.foundation.arrays import Array, Integers, Mask
 
 _FEET = {"ankle", "heel", "toe", "foot", "paw", "hoof"}
-"""Words in the names of points that feet have."""
+"""Words in the names of points on feet."""
 
 _N_ETA, _N_OMEGA = 13, 24
-"""Of a foot's surface: its lowest point is known to a millimetre or two."""
+"""Points on a foot's surface: its lowest point is known to a millimetre or two."""
 
 _RESTS_M_PER_S = 0.35
 """Speed below which a foot rests: in walking, feet swing at 2 to 4 m/s."""
 
 _WHILE_S = 0.12
-"""Over which the speed is measured: detectors' keypoints jump by centimetres from one frame to the next."""
+"""Time over which the speed is measured: detectors' keypoints jump by centimetres from one frame to the next."""
 
 _RESTS_S = 0.2
-"""Time that it rests at least: whoever jumps counts as resting for 0.19 s at the top."""
+"""Least time of rest: a jumping person seems to rest for 0.19 s at the top."""
 
 _LOWEST_M = 0.06
-"""Height over the lowest of a frame's points, up to which others may be on the floor: one foot may be held up."""
+"""Height above the lowest of a frame's points, up to which others may be on the floor: one foot may be held up."""
 
 
 def sole_parts(body: BodyModel) -> Integers:
-    """(F,) parts of the body that are feet; none of a body whose legs do not move, such as an upper one."""
+    """(F,) parts of the body that are feet; empty for a body whose legs do not move, such as an upper one."""
     marks = (mark for mark in (*body.landmarks, *body.keypoints) if mark.parameter not in body.root.columns)
     ends = {mark.parameter for mark in marks if _FEET & set(plain_name(mark.name).split("_"))}
     return np.array([p for p, end in enumerate(body.part_parameters) if int(end) in ends], dtype=np.int64)
@@ -64,7 +64,7 @@ def _lowest(surface: Array, placed: Array, up: Array) -> Array:
 
 
 def heights_over_sole(names: Sequence[str], body: BodyModel) -> Array:
-    """(K,) how high those keypoints that belong to feet are above the sole of a body that stands, metres; else NaN."""
+    """(K,) heights of the keypoints of feet above the sole of a standing body, metres; NaN for others."""
     heights = np.full(len(names), np.nan)
     parts = sole_parts(body)
     if not len(parts):
@@ -80,11 +80,11 @@ def heights_over_sole(names: Sequence[str], body: BodyModel) -> Array:
 
 
 def footfalls(points: Array, middles: Array, times_s: Array, up: Array) -> Array:
-    """Where feet rest on the floor: one point for each time that one does.
+    """Places where feet rest on the floor: one point for each rest.
 
     Args:
         points: (T, F, 3) of the soles, NaN where unknown, metres.
-        middles: (T, F, 3) of the feet, which tell whether they rest.
+        middles: (T, F, 3) of the feet, whose movement decides.
         times_s: (T,) seconds.
         up: (3,) unit vector.
 
@@ -102,7 +102,7 @@ def footfalls(points: Array, middles: Array, times_s: Array, up: Array) -> Array
 
 
 def _rests(middles: Array, times_s: Array) -> Mask:
-    """(T, F) whether feet are moved little in a while; there is a frame at its begin and one at its end."""
+    """(T, F) whether feet move little in a while; there is a frame at its begin and one at its end."""
     still = np.zeros(middles.shape[:2], dtype=bool)
     if len(times_s) < 2:
         return still

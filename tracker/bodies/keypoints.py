@@ -1,4 +1,4 @@
-"""Keypoints that a detector found in images, what they are called, and the persons that those of several views make."""
+"""Keypoints of a detector in images, their names, and the persons that several views show together."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ _WORDS = {"mid_hip": "pelvis", "hip_center": "pelvis", "hips": "pelvis", "head":
 
 @dataclass(frozen=True)
 class Detections:
-    """What a detector found in one image: any number of persons, some of which may be none.
+    """Detections in one image: any number of persons, some of which may be other things.
 
     Raises:
         SequenceError: the array does not fit the names.
     """
 
     names: tuple[str, ...]
-    """Of the K keypoints, as the body file knows them."""
+    """Names of the K keypoints, as in the body file."""
 
     found: Array
     """(N, K, 3) pixel x, y and confidence 0 to 1 for each of N persons; NaN for a keypoint that was not found."""
@@ -54,12 +54,12 @@ class Detections:
 
     @staticmethod
     def none(names: tuple[str, ...]) -> Detections:
-        """Nobody found."""
+        """No detection."""
         return Detections(names, np.zeros((0, len(names), 3)))
 
 
 def swapped_sides(names: tuple[str, ...], mirror: Mirror) -> Integers:
-    """(K,) for each keypoint the one of the other side; itself where there is none."""
+    """(K,) for each keypoint its partner on the other side; itself if it has none."""
     places = {plain_name(name): k for k, name in enumerate(names)}
     return np.array([places.get(mirror.of(plain_name(name)), k) for k, name in enumerate(names)], dtype=np.int64)
 
@@ -69,7 +69,7 @@ class Meant:
     """Those of K keypoints that mean a point of a body."""
 
     rows: Integers
-    """(L,) which keypoints."""
+    """(L,) numbers of the keypoints."""
 
     points: Array
     """(L, 3) the points in the reference pose, metres."""
@@ -83,7 +83,7 @@ class Meant:
 
 
 def meant(names: tuple[str, ...], body: BodyModel) -> Meant:
-    """What keypoints mean: what the body's file calls so, and landmarks of the same name, however it is spelt."""
+    """Meanings of keypoints: names in the body's file, and landmarks of the same name in any spelling."""
     marks = {plain_name(mark.name): mark for mark in (*body.landmarks, *body.keypoints)}
     rows = [k for k, name in enumerate(names) if plain_name(name) in marks]
     found = [marks[plain_name(names[k])] for k in rows]
@@ -98,7 +98,7 @@ def limbs(names: tuple[str, ...], body: BodyModel) -> list[Integers]:
     """Keypoints whose sides a detector may exchange together, with their partners: the arms, the legs, the head.
 
     Limbs are the groups of the body that have a partner on the other side. Keypoints that the body does not know are
-    told apart by their words, as those of the head; without any of `_LIMBS` each with its partner alone.
+    grouped by their words, as those of the head; without any of `_LIMBS` each stands alone with its partner.
     """
     other, known = swapped_sides(names, body.mirror), meant(names, body)
     place = {int(row): int(end) for row, end in zip(known.rows, known.ends, strict=True)}
@@ -123,18 +123,19 @@ _LIMBS = {
     "legs": {"hip", "knee", "ankle", "heel", "toe", "foot"},
     "head": {"eye", "ear"},
 }
-"""Detectors exchange the sides of a whole limb: its keypoints are told apart together. Others are so one by one."""
+"""Detectors exchange the sides of a whole limb: its keypoints are exchanged together. Others are exchanged one by
+one."""
 
 
 _OUTLIER = 0.05
-"""Reprojection error at which a keypoint is wrong, times the person's extent in the view: 20 px of 400. Those of
+"""Reprojection error at which a keypoint is wrong, times the person's extent in the view: 20 px of 400. Errors of
 correct BlazePose detections on seven recordings: median 0.012, 90 % below 0.035."""
 
 _LEAST_KEYPOINTS = 6
 """Keypoints that two views must agree on to show one person."""
 
 _MOST_EXCHANGED = 8
-"""Views up to which all ways to exchange a limb's sides are tried: 163 of eight."""
+"""Largest number of views for which all ways to exchange a limb's sides are tried: 163 of eight."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,7 @@ def skeletons(
         found: for each view (N, K, 3) pixels and confidences of detections; NaN for keypoints not found.
         other_side: (K,) partner of each keypoint on the other side.
         limbs: keypoints whose sides are exchanged together.
-        most: how many persons are looked for.
+        most: largest number of persons.
     """
     left = {v: list(range(len(view))) for v, view in enumerate(found)}
     persons: list[Skeleton] = []
@@ -218,7 +219,7 @@ def _joined(
     if np.count_nonzero(good) < _LEAST_KEYPOINTS:
         return None
     points = np.where(good[:, None], points, np.nan)
-    # Two rays meet easily, above all those of cameras that face each other: it is the third view that tells.
+    # Two rays meet easily, above all those of cameras that face each other: the third view decides.
     score, used = 0.25 * float((fits[0] + fits[1])[good].sum()), dict(pair.used)
     for v in left:
         if v in pair.used or not left[v]:
@@ -233,7 +234,7 @@ def _joined(
 
 
 def _fits(rig: Rig, points: Array, v: int, pixels: Array) -> Array:
-    """(K,) how well each point is seen where a detection has it: 1 exactly there, 0 from an outlier's distance on."""
+    """(K,) agreement of each point with a detection: 1 exactly there, 0 from an outlier's distance on."""
     errors = np.linalg.norm(rig.cameras[v].project(points) - pixels, axis=1)
     share = np.nan_to_num(errors, nan=np.inf) / (_OUTLIER * extent(pixels))
     fits: Array = np.maximum(1 - share**2, 0.0)
@@ -248,7 +249,7 @@ def extent(pixels: Array) -> float:
 def _settled(
     rig: Rig, found: Sequence[Array], used: dict[int, int], other_side: Integers, limbs: Sequence[Integers]
 ) -> Skeleton | None:
-    """Exchanges the sides of limbs in views where rays then meet, and leaves out what still does not.
+    """Exchanges the sides of limbs in views if the rays then meet, and leaves out keypoints that still do not.
 
     None if that is most of it: then it was no person.
     """
@@ -267,7 +268,7 @@ def _settled(
 
 
 def _sides_settled(rig: Rig, pixels: Array, views: list[int], limb: Integers, other_side: Integers) -> Array:
-    """Keypoints (V, K, 2) with the sides of one limb exchanged in those views, at most half, where rays then meet."""
+    """Keypoints (V, K, 2) with the sides of one limb exchanged in views, at most half, if the rays then meet."""
     best, least = pixels, np.inf
     limits = _limits(pixels)
     for n_swapped in range(len(views) // 2 + 1):
@@ -290,7 +291,7 @@ def _limits(pixels: Array) -> Array:
 
 
 def _consensus(rig: Rig, pixels: Array) -> tuple[Array, Array]:
-    """Points (K, 3) after leaving out, one by one, the views (V, K, 2) that fit worst; and what is kept."""
+    """Points (K, 3) after leaving out, one by one, the views (V, K, 2) that fit worst; and the kept views."""
     kept = pixels.copy()
     limits = _limits(pixels)
     while True:

@@ -1,4 +1,4 @@
-"""Limbs put elsewhere: exchanged with the other side's, all turned round, taken from another pose, or scattered."""
+"""Puts limbs elsewhere: exchanged with the other side's, turned round, taken from another pose, or scattered."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _APART = 0.08
 _DAMPING = 1e-4
 
 SMALL_M = 0.8
-"""Bodies of less are smaller than a toddler, metres."""
+"""Smaller bodies are smaller than a toddler, metres."""
 
 
 def apart_m(body: BodyModel) -> float:
-    """From how far on two places of a joint are not one, metres."""
+    """Least distance between two places of a joint, metres."""
     return _APART * float(body.extents_m.max())
 
 
 def smallness(body: BodyModel) -> float:
-    """What lengths that persons have set are multiplied by: 1, but of a body below 0.8 m its share of that."""
+    """Factor of lengths that are set for persons: 1, or for a body below 0.8 m its share of that."""
     extent_m = float(body.extents_m.max())
     return min(extent_m / SMALL_M, 1.0) if extent_m > 0 else 1.0
 
@@ -39,9 +39,9 @@ def are_apart(
     Args:
         body: the model.
         poses: (*B, dof) rad and m.
-        other: (dof,) what they are compared with.
+        other: (dof,) pose to compare with.
         marks: (L,) joints that count.
-        share: of `apart_m`, from where on they are elsewhere.
+        share: of `apart_m`, from which on they are elsewhere.
 
     Returns:
         (*B,) whether any of the joints is.
@@ -59,7 +59,7 @@ def mirrored(body: BodyModel, q: Array, one: str, other: str) -> Array:
 
 
 def exchanged(body: BodyModel, q: Array, one: str, other: str) -> Array:
-    """The pose (dof,) in which the joints of two limbs are where those of the other one were, as near as they can be.
+    """The pose (dof,) in which the joints of two limbs are at each other's places, as near as possible.
 
     Legs that cross stay crossed when their angles are exchanged; here the knee goes to the other knee in the world.
 
@@ -78,9 +78,9 @@ def exchanged(body: BodyModel, q: Array, one: str, other: str) -> Array:
 def turned_round(body: BodyModel, q: Array) -> Array:
     """The pose (dof,) that faces the other way: its silhouettes are much the same.
 
-    Where bodies turn about the length of the trunk, joints are where those of the other side were, as near as they can
-    be. With angles exchanged alone, who bends forwards bends backwards then: a head was 0.4 m off, and the pose left
-    0.55 over once refined.
+    If bodies turn about the length of the trunk, joints go to the places of the other side's, as near as possible. With
+    angles exchanged alone, who bends forwards bends backwards then: a head was 0.4 m off, and the pose left 0.55 over
+    once refined.
     """
     flipped, alike = _facing_back(body, q), _alike_from_behind(body)
     if 2 * alike.sum() <= len(alike):
@@ -109,7 +109,7 @@ def _facing_back(body: BodyModel, q: Array) -> Array:
 
 
 def _alike_from_behind(body: BodyModel) -> Mask:
-    """(L,) joints that are where those of the other side were once the body is turned round at rest.
+    """(L,) joints at the places of the other side's once the body is turned round at rest.
 
     Of persons all but toes are, which would draw legs after them; of animals hardly one.
     """
@@ -119,7 +119,7 @@ def _alike_from_behind(body: BodyModel) -> Mask:
 
 
 def _other_sides(body: BodyModel) -> Integers:
-    """(L,) place of each landmark's mirrored one; its own where it has none."""
+    """(L,) position of each landmark's mirrored one; its own if it has none."""
     names = body.landmark_names
     others = (body.mirror.of(name) for name in names)
     pairs = zip(names, others, strict=True)
@@ -127,7 +127,7 @@ def _other_sides(body: BodyModel) -> Integers:
 
 
 def taken_over(body: BodyModel, q: Array, other: Array, group: str) -> Array:
-    """The pose (dof,) in which a limb's joints are where those of another pose (dof,) are, as near as they can be."""
+    """The pose (dof,) in which a limb's joints are at their places in another pose (dof,), as near as possible."""
     pose, columns = q.copy(), body.group(group)
     pose[columns] = other[columns]
     marks = np.flatnonzero(body.landmarks_of(group))
@@ -139,9 +139,9 @@ def scattered(body: BodyModel, centres: Array, group: str, n: int, spread: tuple
 
     Args:
         body: the model.
-        centres: (C, dof) poses around which they lie, as many around each; all but the limb is that of the first one.
+        centres: (C, dof) poses around which they lie, equally many around each; other parameters are the first one's.
         group: the limb's parameters.
-        n: how many.
+        n: number of poses.
         spread: standard deviations of angles, rad, and of translations, m.
     """
     columns = body.group(group)
@@ -162,7 +162,7 @@ def reaching(body: BodyModel, pose: Array, columns: Integers, marks: Integers, t
         pose: (dof,) rad and m, where they begin; changed.
         columns: the parameters that may move.
         marks: (M,) numbers of the landmarks.
-        targets: (M, 3) where they reach for, metres.
+        targets: (M, 3) their targets, metres.
     """
     ends = np.array([body.landmarks[mark].parameter for mark in marks], dtype=np.int64)
     for _ in range(_STEPS):

@@ -24,7 +24,7 @@ class Person:
     """(dof,) rad and m."""
 
     at: tuple[float, float] | None = None
-    """Where the person is told to be when looked for first, x and y in metres; None for nowhere."""
+    """Given place of the person at the start, x and y in metres; None for none."""
 
     def __post_init__(self) -> None:
         q = frozen(self.q)
@@ -77,10 +77,10 @@ class Scene:
     def world_from_parts(self, person: int | None = None, poses: Array | None = None) -> Array:
         """Placements of all parts, with many poses of one person tried at once.
 
-        They are kept until others are asked for: each kind of evidence asks for those of the same poses.
+        They are kept until others are needed: each kind of evidence uses those of the same poses.
 
         Args:
-            person: whose poses vary; None for the scene as it is.
+            person: owner of the varying poses; None for the scene as it is.
             poses: (B, dof) of that person.
 
         Returns:

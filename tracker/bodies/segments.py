@@ -1,4 +1,4 @@
-"""What a body consists of: rigid segments in a tree, the parameters that move them, parts and landmarks on them."""
+"""Constituents of a body: rigid segments in a tree, the parameters that move them, parts and landmarks on them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Side = tuple[str, str]
 
 @dataclass(frozen=True)
 class Mirror:
-    """The symmetry of a body: names that differ in the word of a side only are a pair."""
+    """The symmetry of a body: names that differ only in the word of a side are a pair."""
 
     sides: Side = ("left", "right")
     """Words in names, between underscores: `left_thigh` and `right_thigh`, `front_left_paw` and `front_right_paw`."""
@@ -34,7 +34,7 @@ class Mirror:
         return "_".join(swapped.get(word, word) for word in name.split("_"))
 
     def meant(self, name: str, names: Iterable[str]) -> list[str]:
-        """Which of the names one stands for: itself, or both sides' where the word of the side is left out."""
+        """Names that one name means: itself, or both sides' if the word of the side is left out."""
         valid = tuple(names)
         if name in valid:
             return [name]
@@ -44,7 +44,7 @@ class Mirror:
 
 @functools.lru_cache(maxsize=4096)
 def _without(name: str, sides: Side) -> str:
-    """A name without the word of a side. Bodies made anew in a fit ask for the same ones again: a tenth of its time."""
+    """A name without the word of a side. Bodies made anew in a fit use the same ones again: a tenth of its time."""
     return "_".join(word for word in name.split("_") if word not in sides)
 
 
@@ -121,11 +121,11 @@ class Parameter:
     """Index of the parameter that moves this axis, -1 for none."""
 
     spread: float = math.inf
-    """Standard deviation from the rest pose in everyday movement, rad; infinite where all values are as likely."""
+    """Standard deviation from the rest pose in everyday movement, rad; infinite if all values are equally likely."""
 
     @property
     def unit(self) -> str:
-        """Unit as shown to people and in tables: m or deg."""
+        """Unit for users and tables: m or deg."""
         return "deg" if self.rotates else "m"
 
     @property
@@ -140,13 +140,13 @@ class Segment:
 
     name: str
     parent: int
-    """Index of the segment it hangs on, always a smaller one; -1 for the world."""
+    """Index of its parent segment, always a smaller one; -1 for the world."""
 
     joint: Array
     """(3,) centre of its joint in the reference pose, metres."""
 
     parameters: tuple[int, ...]
-    """Indices of its own parameters, outermost first; empty where it is fixed to its parent."""
+    """Indices of its own parameters, outermost first; empty if it is fixed to its parent."""
 
     end: int
     """Index of the last parameter that moves it, -1 if none does."""
@@ -184,7 +184,7 @@ class Landmark:
 
 @dataclass(frozen=True)
 class Root:
-    """The parameters that everything hangs on: where a body is, and which way it faces."""
+    """The parameters that carry everything: the body's place, and its heading."""
 
     columns: Integers
     """All of them."""
@@ -197,7 +197,7 @@ class Root:
 
 
 def unjoined(chains: Sequence[frozenset[int]]) -> list[tuple[int, int]]:
-    """Pairs of parts that are neither on one segment nor on two that hang on each other.
+    """Pairs of parts that are neither on one segment nor on two joined segments.
 
     Args:
         chains: the parameters that move each part.
@@ -206,6 +206,6 @@ def unjoined(chains: Sequence[frozenset[int]]) -> list[tuple[int, int]]:
 
 
 def _joined(one: frozenset[int], other: frozenset[int], chains: Sequence[frozenset[int]]) -> bool:
-    """Whether what two chains of parameters move is one segment or two that hang on each other."""
+    """Whether two chains of parameters move one segment or two joined ones."""
     inner, outer = sorted((one, other), key=len)
     return inner <= outer and not any(inner < chain < outer for chain in chains)

@@ -22,7 +22,7 @@ MOST_BONES = 4
 
 @dataclass(frozen=True)
 class Skin:
-    """A triangle mesh, also of several open patches, and how much each part of the body moves its vertices.
+    """A triangle mesh, also of several open patches, with the influence of each part of the body on its vertices.
 
     Smooth skinning blends the motions of several parts (`world_points`); with one part a vertex it is rigid.
 
@@ -31,16 +31,16 @@ class Skin:
     """
 
     points: Array
-    """(N, 3) vertices in the pose that the surface was measured in, metres, in the body's model frame."""
+    """(N, 3) vertices in the pose of the measurement, metres, in the body's model frame."""
 
     faces: Integers
     """(T, 3) vertex numbers, anticlockwise seen from outside."""
 
     weights: Array
-    """(N, P) how much each part of the body moves a vertex, not negative; scaled so that they add up to 1."""
+    """(N, P) influence of each part of the body on a vertex, not negative; scaled to the sum 1."""
 
     part_from_rest: Array
-    """(P, 4, 4) of each part, from the pose that the surface was measured in."""
+    """(P, 4, 4) of each part, from the pose of the measurement."""
 
     def __post_init__(self) -> None:
         points, faces, weights = frozen(self.points), frozen(self.faces, np.int64), frozen(self.weights)
@@ -83,7 +83,7 @@ class Skin:
     def normals(self) -> Array32:
         """(N, 3) unit normals of the vertices, those of the faces weighed by the angle in the corner.
 
-        Vertices in one place are taken for one: patches that were cut from one another stay smooth.
+        Vertices in one place count as one: patches that were cut from one another stay smooth.
         """
         corners = self.points[self.faces]
         ways = [corners[:, (k + 1) % 3] - corners[:, k] for k in range(3)]
@@ -134,13 +134,13 @@ def _strongest(weights: Array) -> Array:
 # Surfaces of skins as files: PLY or OBJ, and tables of labels or weights.
 
 _LARGEST_BYTES = 2**28
-"""Of a surface: a scan of a million triangles has a tenth of it."""
+"""Largest file of a surface: a scan of a million triangles has a tenth of it."""
 
 _MOST_VERTICES = 2**31
 """More than a file of that size can have."""
 
 _NO_ARCHIVE = TypeError, ValueError, EOFError, KeyError, AttributeError, zipfile.BadZipFile, zipfile.LargeZipFile
-"""What numpy makes of files that are none, or of one array alone."""
+"""Errors of numpy for other files, or for one array alone."""
 
 
 @dataclass(frozen=True)
@@ -159,13 +159,13 @@ class ScannedSurface:
 
 @dataclass(frozen=True)
 class Rigging:
-    """Which segments move the vertices of a surface."""
+    """Influence of segments on the vertices of a surface."""
 
     segments: tuple[str, ...]
     """(S,) names of segments or parts."""
 
     weights: Array
-    """(N, S) how much each of them moves a vertex."""
+    """(N, S) influence of each of them on a vertex."""
 
     def rigid(self) -> Rigging:
         """Every vertex moved by its strongest segment alone."""
@@ -177,7 +177,7 @@ def read_surface(path: Path) -> ScannedSurface:
     """Reads a triangle mesh.
 
     Raises:
-        ModelError: the file is missing, no mesh of triangles, or neither PLY nor OBJ.
+        ModelError: the file is missing, not a mesh of triangles, or neither PLY nor OBJ.
     """
     readers = {".ply": _read_ply, ".obj": _read_obj}
     if path.suffix.lower() not in readers:
@@ -239,7 +239,7 @@ def _read_obj(path: Path) -> ScannedSurface:
 
 
 def read_rigging(path: Path, n_points: int) -> Rigging:
-    """Reads which segments move the vertices: an .npz archive of `segments` and `weights` (N, S) or `label` (N,).
+    """Reads the influence of segments: an .npz archive of `segments` and `weights` (N, S) or `label` (N,).
 
     Args:
         path: the archive, as `numpy.savez` writes it.
@@ -316,7 +316,7 @@ def write_rigging(rigging: Rigging, path: Path) -> None:
 
 
 def columns_of(rigging: Rigging, parts: tuple[str, ...], segments: tuple[str, ...]) -> Integers:
-    """(S,) number of the part that each name of a rigging means: a part, or the only part of a segment.
+    """(S,) number of the part for each name of a rigging: a part, or the only part of a segment.
 
     Args:
         rigging: names and weights.
@@ -324,7 +324,7 @@ def columns_of(rigging: Rigging, parts: tuple[str, ...], segments: tuple[str, ..
         segments: (P,) the segment that each of them belongs to.
 
     Raises:
-        ModelError: a name that moves something is neither.
+        ModelError: a name with influence is neither.
     """
     found = np.full(len(rigging.segments), -1, dtype=np.int64)
     for k, name in enumerate(rigging.segments):

@@ -1,4 +1,4 @@
-"""A person as a configuration describes it."""
+"""A person in a configuration."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from tracker.foundation.errors import ConfigError, ModelError, nearest
 from tracker.foundation.resources import model_path
 
 Radius = Annotated[float, pydantic.Field(gt=0, allow_inf_nan=False)]
-"""Metres."""
+"""Coordinate in metres."""
 
 
 @component
 class Carried:
-    """A tapered superquadric that moves with the segment of a landmark, as a part of a model file does."""
+    """A tapered superquadric that moves with the segment of a landmark, like a part of a model file."""
 
     name: str
-    """What it is called; no part of the model has that name."""
+    """Its name; no part of the model has it."""
 
     by: str
     """The landmark that it is measured from, for instance `right_wrist`; its segment carries it."""
@@ -39,27 +39,28 @@ class Carried:
     """Half its depth and half its width across that axis, metres."""
 
     squareness: tuple[Finite, Finite] = (0.5, 1.0)
-    """As of a model's parts: along and around the axis, 0.1 for a box, 1 for an ellipsoid."""
+    """As for a model's parts: along and around the axis, 0.1 for a box, 1 for an ellipsoid."""
 
     taper: tuple[Finite, Finite] = (0.0, 0.0)
-    """As of a model's parts."""
+    """As for a model's parts."""
 
     front: Vector = (1.0, 0.0, 0.0)
-    """Where its depth points."""
+    """Direction of its depth."""
 
 
 def with_carried(description: BodyDescription, carried: Sequence[Carried]) -> BodyDescription:
-    """A body with what it carries.
+    """A body with carried things.
 
-    Images show the thing with the person, and what no part explains draws limbs: with a racket in hand 41 of 234
-    frames had a joint 150 mm off, with its two parts none.
+    Images show the thing with the person, and contours that no part explains draw limbs: with a racket in hand 41 of
+    234 frames had a joint 150 mm off, with its two parts none.
 
     Args:
         description: the body, of the person's size.
         carried: parts of the things.
 
     Raises:
-        ConfigError: no such landmark, a name that the body has, or a body with a skin, which is all that is drawn.
+        ConfigError: the landmark does not exist, the body has the name already, or the body has a skin, which is all
+            that is drawn.
     """
     if carried and description.skin is not None:
         raise ConfigError(f'carries: the model "{description.name}" has a skin, and is drawn as that alone')
@@ -84,15 +85,15 @@ def _from(place: Vector, way: Vector) -> Vector:
 
 
 UNMEASURED = "measure"
-"""In place of a stature, as `bodytrack init` writes it: no run begins with it."""
+"""Placeholder of a stature, from `bodytrack init`: no run begins with it."""
 
 
 Stature = Annotated[float, pydantic.Field(ge=0.04, le=5)]
-"""Height that a model is scaled to, metres, from the smallest body that is tracked. More than this is feet or
-centimetres; a body that large has its size in its model file."""
+"""Range of the stature, metres, from the smallest tracked body. Larger values are feet or centimetres; a larger body
+has its size in its model file."""
 
 Mass = Annotated[float, pydantic.Field(gt=0, le=500)]
-"""Of a person, kg; more than this are grams or pounds."""
+"""Largest mass of a person, kg; larger values are grams or pounds."""
 
 
 @component
@@ -100,30 +101,30 @@ class Subject:
     """A person: a name and a body model."""
 
     name: str = ""
-    """What the person is called in the results; `person1`, `person2`, ... if not given."""
+    """Name of the person in the results; `person1`, `person2`, ... if not given."""
 
     model: ModelFile = pydantic.Field(default_factory=lambda: model_path("gavrila22").resolve())
     """The body: the name of a bundled model, or a path that ends in .toml."""
 
     stature_m: Stature | None = None
-    """Height the model is scaled to, metres; None leaves it as it is."""
+    """Height that the model is scaled to, metres; None keeps the model's size."""
 
     mass_kg: Mass | None = None
-    """Of the person; only the recording `opensim` hands it on, to scale the masses of a model by it."""
+    """Mass of the person, kg; only the recording `opensim` uses it, to scale the masses of a model."""
 
     at: tuple[float, float] | None = None
-    """Where the person is at the start, x and y in metres, roughly: of several bodies before plates, or several persons
-    who move, the nearest one is taken. None leaves that to statures, and to how well the models fit. One person alone
-    without plates is looked for all over the floor all the same."""
+    """Approximate place of the person at the start, x and y in metres: of several bodies before plates, or several
+    moving persons, the nearest one is this person. None leaves that to statures, and to the fit of the models. For a
+    single person without plates the search still covers the whole floor."""
 
     carries: tuple[Carried, ...] | None = None
-    """What the person holds or wears all the time, a racket or a rucksack: it is tracked as parts of the body. None: it
-    is found, roughly, where the body is fitted; `[]` for nothing."""
+    """Things that the person holds or wears all the time, a racket or a rucksack: they are tracked as parts of the
+    body. None: the run finds them, roughly, if it fits the body; `[]` for nothing."""
 
     shape: Literal["recording", "model"] | None = None
     """`recording`: lengths and shapes are fitted to the first frames before these are tracked; `model`: they are those
-    of the model file. None: a model that is scaled by stature is fitted, for it is not yet that person's; one with a
-    skin is not."""
+    of the model file. None: a model scaled by stature is fitted, because it is not yet that person's; one with a skin
+    is not."""
 
     @pydantic.field_validator("stature_m", mode="before")
     @classmethod
@@ -151,12 +152,12 @@ class Subject:
 
         Raises:
             ModelError: the model file is wrong.
-            ConfigError: a stature is given for a model that does not tell its own; what is carried is wrong.
+            ConfigError: a stature is given, and the model has none of its own; or an entry of `carries` is wrong.
         """
         description = read_description(self.model)
         if self.stature_m is not None:
             if description.stature_m <= 0:
-                raise ConfigError(f'person "{self.name}": stature_m given, but {self.model} does not tell its own')
+                raise ConfigError(f'person "{self.name}": stature_m given, but {self.model} has none of its own')
             description = description.scaled(self.stature_m / description.stature_m)
         return with_carried(description, self.carries or ())
 
@@ -165,7 +166,7 @@ class Subject:
 
         Raises:
             ModelError: the model file is wrong.
-            ConfigError: a stature is given for a model that does not tell its own.
+            ConfigError: a stature is given, and the model has none of its own.
         """
         description = self.description()
         try:

@@ -36,8 +36,8 @@ class Camera:
     """(3, 3) intrinsic matrix, px; affinity and shear are in its first row."""
 
     distortion: Array
-    """(8,) k1 k2 p1 p2 k3 k4 k5 k6, OpenCV's order; k4 k5 k6 are the denominator of the radial distortion and 0 but for
-    wide lenses. 4 or 5 numbers are followed by zeros."""
+    """(8,) k1 k2 p1 p2 k3 k4 k5 k6, OpenCV's order; k4 k5 k6 are the denominator of the radial distortion and 0 except
+    for wide lenses. 4 or 5 numbers are followed by zeros."""
 
     camera_from_world: Array
     """(4, 4) rigid motion, metres."""
@@ -117,7 +117,7 @@ class Camera:
         return self.inside_px(self._lens.turns_back)
 
     def inside_px(self, distance: float) -> float | None:
-        """How far from the principal point a distance from the axis is imaged, px; None if outside the image."""
+        """Distance from the principal point of the image of a distance from the axis, px; None if outside."""
         width, height = self.size
         corners = np.array([(0.0, 0.0), (width - 1, 0), (0, height - 1), (width - 1, height - 1)])
         straight = (corners - self.matrix[:2, 2]) @ np.linalg.inv(self.matrix[:2, :2]).T
@@ -227,7 +227,7 @@ class Camera:
 def upper_triangular(matrix: Array, distortion: Array, motion: Array) -> tuple[Array, Array, Array]:
     """The same imaging with an intrinsic matrix [[fx, s, cx], [0, fy, cy], [0, 0, 1]].
 
-    What is left of the matrix is a turn about the optical axis, which goes to the exterior orientation; decentring
+    The rest of the matrix is a turn about the optical axis, which goes to the exterior orientation. Decentring
     displaces a point x by |x|^2 d + 2 (d.x) x with d = (p2, p1), so that d turns with the plane.
 
     Args:
@@ -250,7 +250,7 @@ def upper_triangular(matrix: Array, distortion: Array, motion: Array) -> tuple[A
 
 
 _LARGEST = 1e6
-"""Of a number of the polynomial: a lens has some hundredths."""
+"""Largest coefficient of the polynomial: a lens has some hundredths."""
 
 _MOST_OFF_PX = 0.2
 """Tolerance between both models inside the image: what good calibrations leave."""
@@ -259,7 +259,7 @@ _BEYOND = 1e-3
 """Weight of directions outside of the image, where the polynomial is an extrapolation."""
 
 _ROUNDS = 20
-"""Of weights: the quotient is fitted by its numerator, which its denominator stretches."""
+"""Rounds of weighting: the quotient is fitted by its numerator, which its denominator stretches."""
 
 
 def rational_of(name: str, size: tuple[int, int], matrix: Array, fisheye: Array) -> Array:
@@ -295,7 +295,7 @@ def rational_of(name: str, size: tuple[int, int], matrix: Array, fisheye: Array)
 
 
 def told_end(camera: Camera) -> str | None:
-    """What to know of a wide lens that ends inside the image; None of others."""
+    """Warning about a wide lens that ends inside the image; None for others."""
     lens = Lens(camera.distortion)
     end_px = camera.inside_px(lens.reach) if lens.reach < lens.turns_back else None
     if end_px is None:
@@ -309,7 +309,7 @@ def told_end(camera: Camera) -> str | None:
 def _bent(name: str, size: tuple[int, int], matrix: Array, fisheye: Array, angles: Array) -> tuple[Array, float]:
     """Distances from the axis at which directions are imaged, in focal lengths, and the angle that the corners show.
 
-    Where the polynomial turns back outside of the image it is continued straight.
+    If the polynomial turns back outside of the image it is continued straight.
     """
     squares = angles**2
     k1, k2, k3, k4 = fisheye
@@ -331,7 +331,7 @@ def _bent(name: str, size: tuple[int, int], matrix: Array, fisheye: Array, angle
 
 
 def _fitted(planes: Array, bent: Array, weights: Array) -> Array:
-    """Distortion (8,) of which plane coordinates come nearest to where they are imaged."""
+    """Distortion (8,) that brings plane coordinates nearest to their images."""
     squares, ratios = planes**2, bent / planes
     powers = squares[:, None] ** np.arange(1, 4)
     matrix = np.hstack([powers, -ratios[:, None] * powers])

@@ -40,12 +40,12 @@ class Packed(Protocol):
         ...
 
     def image(self) -> Image:
-        """The image (h, w, 3), made anew whenever it is asked for."""
+        """The image (h, w, 3), made anew at each request."""
         ...
 
 
 class Pictures(Sequence[Image | None]):
-    """Images of all views, some of them packed until they are asked for."""
+    """Images of all views, some of them packed until requested."""
 
     def __init__(self, views: Sequence[Image | Packed | None]) -> None:
         """Nothing is unpacked yet."""
@@ -85,13 +85,14 @@ class Frame:
     """Silhouettes `(h, w)` of the persons that the user brings; empty for none, None where a view has none."""
 
     positions: tuple[int, ...] = ()
-    """Of each view's image among all that it has, from 0 on; empty where they are the frame's, negative for none."""
+    """Number of each view's image among all that it has, from 0 on; empty if they are the frame's, negative for
+    none."""
 
     first_number: int = 0
-    """That the file name of an image at position 0 has."""
+    """Number in the file name of an image at position 0."""
 
     def position(self, view: int) -> int:
-        """Of a view's image among all that it has, from 0 on."""
+        """Number of a view's image among all that it has, from 0 on."""
         return self.positions[view] if self.positions else self.index
 
     def unpacked(self) -> Frame:
@@ -129,5 +130,5 @@ class Views(Protocol):
         ...
 
     def frames(self) -> Iterator[Frame]:
-        """All frames of the chosen range in order; it can be asked for more than once."""
+        """All frames of the chosen range in order; may be iterated more than once."""
         ...

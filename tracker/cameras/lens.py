@@ -14,17 +14,19 @@ from numpy.polynomial import Polynomial
 from tracker.foundation.arrays import Array, Mask
 
 FARTHEST_DEG = 75.0
-"""From the axis of a wide lens, whose radial distortion is a quotient of polynomials: there it ends. It was fitted to
-directions up to there (`camera.rational_of`), for the plane z = 1 has no room for 90 degrees; beyond it is anything."""
+"""Largest angle from the axis of a wide lens, whose radial distortion is a quotient of polynomials: there it ends. It
+was fitted to directions up to there (`camera.rational_of`), because the plane z = 1 has no room for 90 degrees; beyond
+it is arbitrary."""
 
 _MOST_STEPS = 20
-"""Of `undistort`: each doubles the digits, but for directions next to where the distortion turns back."""
+"""Steps of `undistort`: each doubles the digits, except for directions next to where the distortion turns back."""
 
 _SMALL_STEP, _SETTLED = 1e-13, 1e-6
-"""In the plane z = 1: all is done when no step is longer, and a direction is found if its last step was shorter."""
+"""Step length in the plane z = 1 that ends the iteration, and last step of a valid solution."""
 
 _HALVINGS, _MARGIN = 40, 1.1
-"""Of an interval as long as the lens reaches, for a start; and by how much decentring may image farther, a factor."""
+"""Halvings of an interval as long as the lens reaches, for a start; and the factor by which decentring may image
+farther."""
 
 
 _NO_TERM = 1e-100
@@ -49,8 +51,8 @@ class Lens:
         """Distance from the axis, in the plane z = 1, at which the radial distortion turns back; inf if it never does.
 
         ``r N(r^2) / D(r^2)`` grows up to the first root of ``N D + 2 r^2 (N' D - N D')``, or of ``D``; without a
-        denominator that is ``1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6``. What lies farther out would be imaged nearer to the
-        centre again, over other things.
+        denominator that is ``1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6``. Farther points would be imaged nearer to the centre
+        again, over other things.
         """
         over, under = self._radial
         slope = over * under + Polynomial([0, 2]) * (over.deriv() * under - over * under.deriv())
@@ -62,13 +64,13 @@ class Lens:
     def reach(self) -> float:
         """Distance from the axis, in the plane z = 1, up to which the lens images anything; inf if it has no end.
 
-        That is where it turns back, of a quotient of polynomials `FARTHEST_DEG` if it does not before.
+        There it turns back; a quotient of polynomials ends at `FARTHEST_DEG` if it does not before.
         """
         wide = self.distortion[5:].any()
         return min(self.turns_back, float(np.tan(np.radians(FARTHEST_DEG)))) if wide else self.turns_back
 
     def imaged(self, distance: float) -> float:
-        """Where the radial distortion images a finite distance from the axis, both in the plane z = 1.
+        """Distance from the axis whose radial image is infinite, both in the plane z = 1.
 
         Inf where what lies there is imaged infinitely far away.
         """
@@ -127,7 +129,7 @@ class Lens:
 
     @cached_property
     def _farthest(self) -> float:
-        """Where the radial distortion images the end of its reach."""
+        """Image of the end of the lens's reach."""
         return self.imaged(self.reach) if np.isfinite(self.reach) else np.inf
 
     def _straightened(self, imaged: Array) -> Array:

@@ -18,11 +18,11 @@ CAMERAS = "cameras"
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 """Directions that may be up in the world of another program."""
 
-# No two lenses are as near, files are rounded to less. With 1 cm, cameras 10 cm apart before a body of 20 m, which is
-# started in a world eleven times smaller, were refused, and a close pair before a hand.
+# No two lenses are as near, files are rounded to less. With 1 cm, cameras 10 cm apart before a body of 20 m, whose
+# start uses a world eleven times smaller, were refused, and a close pair before a hand.
 _ONE_PLACE_M = 1e-3
 
-# Of two cameras the rows of the images are level about some direction, however they are held.
+# For two cameras the rows of the images are level about some direction in any case.
 _LEAST_UPRIGHT = 3
 # RMS sine by which rows rise: of upright cameras 0.00 to 0.02, of a room whose cameras were turned by hand 0.17.
 _LEVEL = 0.07
@@ -91,15 +91,15 @@ class Rig:
 
     @property
     def probable_up(self) -> Array:
-        """(3,) direction of the world that is up as far as the cameras tell: `held_up`, else the axis `likely_up`."""
+        """(3,) upward direction of the world, as far as the cameras show it: `held_up`, else the axis `likely_up`."""
         return _axis(self.likely_up) if self.held_up is None else self.held_up
 
     @cached_property
     def held_up(self) -> Array | None:
         """(3,) direction of the world about which all cameras are upright, as tripods hold them; None if there is none.
 
-        Three cameras or more that look to different sides tell it, however they are tilted: the rows of their images
-        are level then.
+        Three cameras or more that look to different sides show it, at any tilt: the rows of their images are level
+        then.
         """
         rows = np.stack([camera.camera_from_world[0, :3] for camera in self.cameras])
         shares, axes = np.linalg.eigh(rows.T @ rows / len(rows))
@@ -236,15 +236,15 @@ _LEAST_UP = 0.3
 """Vertical share of the up direction of most cameras, below which they are held sideways, or z is not up."""
 
 _TURNED_DEG = 15.0
-"""Between z and what all cameras hold up, from which it is told. Rooms that were calibrated well have 0 to 12, a desk
-whose board lay obliquely in the first picture 28."""
+"""Angle between z and the cameras' upward direction from which on a warning is given. Well-calibrated rooms have 0 to
+12, a desk whose board lay obliquely in the first picture 28."""
 
 _BELOW_M = 0.1
 """A lens lower than this is below a floor that is really there."""
 
 _LOW_M = 0.2
-"""Height at which cameras look that is too low for persons: they look at 0.6 to 1.3 m, at a desk whose board is the
-world's origin at 0.07 m."""
+"""Height of the point that the cameras face, too low for persons: they face 0.6 to 1.3 m, a desk whose board is the
+world's origin 0.07 m."""
 
 
 # See docs/lab/facing.md.
@@ -262,7 +262,7 @@ def told_world(rig: Rig) -> str:
 
 
 def world_doubts(rig: Rig) -> tuple[str, ...]:
-    """What is unusual in the world of a rig, in one line each, with the command that mends it."""
+    """Warnings about the world of a rig, in one line each, with the command that corrects it."""
     if up := _up_doubt(rig):
         return (up,)
     turned = _turned_doubt(rig)
@@ -271,7 +271,7 @@ def world_doubts(rig: Rig) -> tuple[str, ...]:
 
 
 def _up_doubt(rig: Rig) -> str:
-    """That another axis than z is up; of a rig that only its images tell of, with a question mark."""
+    """Warning that another axis than z is up; with a question mark if only the images show it."""
     upwards = np.array([-camera.camera_from_world[1, :3] for camera in rig.cameras])
     mean, likely = upwards.mean(axis=0), rig.likely_up
     turn = (
@@ -280,8 +280,8 @@ def _up_doubt(rig: Rig) -> str:
     hung = ", or hang upside down" if likely == "-z" else ""
     if likely != "z" and np.abs(mean).max() > _SURELY_UP:
         return (
-            f"the cameras are upright with the rig's {likely} axis up, expected z{hung}: persons would be looked for "
-            f"lying; {turn}"
+            f"the cameras are upright with the rig's {likely} axis up, expected z{hung}: the search would expect "
+            f"persons lying; {turn}"
         )
     if np.median(upwards[:, 2]) < _LEAST_UP:
         what = f"is the world's z axis up? If {likely} is: {turn}" if likely != "z" else "is the world's z axis up?"
@@ -296,7 +296,7 @@ def _turned_doubt(rig: Rig) -> str:
         return ""
     return (
         f"the rig is turned: all cameras are upright about a direction {turned_deg:.0f} degrees off its z axis; did "
-        "the board that is the world's origin lie obliquely? Persons would be looked for leaning: "
+        "the board that is the world's origin lie obliquely? The search would expect persons leaning: "
         f"`bodytrack rig convert THIS rig.toml --up {CAMERAS}` turns it"
     )
 
@@ -312,7 +312,7 @@ def _floor_doubt(rig: Rig, turn: str) -> str:
         else f"the cameras look at a place {looked_at_m:.2f} m above the floor: is the origin on it?"
     )
     return (
-        f"{found} Persons are looked for on z = 0. If the floor is lower, measure how high the lens of {low.name} is "
+        f"{found} The search for persons uses z = 0. If the floor is lower, measure how high the lens of {low.name} is "
         f"above it, in metres: `bodytrack rig convert THIS rig.toml{turn} --floor Z`, where Z is {height_m:.2f} less "
         "that height"
     )
@@ -345,9 +345,9 @@ def _opposite_doubt(rig: Rig) -> str:
 
 # See docs/lab/filmed_otherwise.md.
 KEPT_PX = 300.0
-"""Height that persons keep in images that are averaged, px. How far is looked for edges, and what counts as off, is set
-in pixels, chosen on images that show them some 270 px high. A rendered jump of a woman shown at least 620 px high was
-tracked 26 mm off (16 with offsets removed), and 14 (6) at half the size, in a seventh of the time."""
+"""Height that persons keep in images that are averaged, px. Search ranges for edges and limits of errors are in pixels,
+chosen on images that show persons some 270 px high. A rendered jump of a woman shown at least 620 px high was tracked
+26 mm off (16 with offsets removed), and 14 (6) at half the size, in a seventh of the time."""
 
 SMALL_PX = 200.0
 """Images are enlarged twice where persons are less high. 140 px high a dance and getting up were tracked 25 mm (19) and
@@ -360,7 +360,7 @@ _LEAST_SIDE_PX = 480
 """Shorter side that images keep: cameras close by show parts of persons."""
 
 _STATURE_M = 1.7
-"""Of somebody: who will be filmed is not known yet, and a child's images are averaged no further."""
+"""Stature of a person: the filmed person is not known yet, and a child's images are averaged no further."""
 
 
 def shown_px(rig: Rig) -> float:

@@ -1,4 +1,4 @@
-"""Looks a rig over: is its geometry possible, who sees whom, and do images agree with it."""
+"""Checks a rig: possible geometry, visibility, and agreement with images."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _N_FEATURES = 6
 def epipolar_picture(rig: Rig, images: tuple[Image, ...], source: int = 0) -> Image:
     """Distinct points of one view and their epipolar lines over the others (figure 7 of Gavrila & Davis 1996).
 
-    Where the rig is right, each line passes through what the point of its colour shows.
+    If the rig is right, each line passes through the same detail as the point of its colour.
 
     Args:
         rig: the cameras.
         images: one picture of each view, taken at one time.
-        source: the view whose points are chosen.
+        source: the view of the points.
 
     Raises:
         CalibrationError: a picture has another size than its camera.
@@ -106,7 +106,7 @@ class CameraCheck:
     """Width and height of the view."""
 
     tilt_deg: float
-    """Of the viewing direction below the horizon."""
+    """Angle of the viewing direction below the horizon."""
 
     distortion_px: float
     """Farthest shift of an image corner by the lens."""
@@ -114,18 +114,18 @@ class CameraCheck:
 
 @dataclass(frozen=True)
 class RigCheck:
-    """What a look at a rig found."""
+    """Findings about a rig."""
 
     cameras: tuple[CameraCheck, ...]
     pairs: tuple[PairCheck, ...]
     middle_m: tuple[float, float, float]
-    """Where the viewing axes come nearest together."""
+    """Point nearest to all viewing axes."""
 
     sigma_mm: float
     """Standard deviation of a point there, from images of 0.5 px."""
 
     doubts: tuple[str, ...]
-    """What is unusual, in words."""
+    """Warnings."""
 
 
 def check_rig(rig: Rig) -> RigCheck:

@@ -1,4 +1,4 @@
-"""Articulated bodies: a kinematic tree with shapes, groups to search, and all else that is known about a body."""
+"""Articulated bodies: a kinematic tree with shapes, groups to search, and all other facts about a body."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class BodyModel(KinematicTree):
     """Search groups: name -> parameter names (paper, section 4.1: torso_head, arms, legs)."""
 
     rigid_ends: dict[str, RigidEnd] = field(default_factory=dict)
-    """Ends that no parameter of their own moves: the head of a trunk of one piece. No group is called so."""
+    """Ends without a parameter of their own: the head of a trunk of one piece. No group has such a name."""
 
     links: tuple[tuple[str, str], ...] = ()
     """Pairs of landmarks joined by a bone: the stick figure."""
@@ -36,25 +36,25 @@ class BodyModel(KinematicTree):
     """The tree of rigid segments, parents first."""
 
     mirror: Mirror = field(default_factory=Mirror)
-    """What mirrors what."""
+    """Its symmetry."""
 
     start: StartMarks = field(default_factory=StartMarks)
-    """Where a search without a prediction begins."""
+    """Facts for a search without a prediction."""
 
     joints: Joints = field(default_factory=Joints)
-    """Landmarks that results are judged by."""
+    """Landmarks for judging results."""
 
     clothes: Clothes = field(default_factory=Clothes)
-    """How it is dressed where it is simulated."""
+    """Clothes in a simulation."""
 
     movements: dict[str, Movement] = field(default_factory=dict)
     """Movements to simulate."""
 
     keypoints: tuple[Landmark, ...] = ()
-    """Points that 2-D detectors name and the landmarks do not, by the detectors' names."""
+    """Points of 2-D detectors beside landmarks, by the detectors' names."""
 
     skin: Skin | None = None
-    """Its own surface: what contours and silhouettes are of, while searches live on the parts."""
+    """Its own surface, for contours and silhouettes; searches use the parts."""
 
     @cached_property
     def shapes(self) -> Array:
@@ -68,10 +68,10 @@ class BodyModel(KinematicTree):
         return tuple(self.landmark_names.index(name) for name in names)
 
     def columns(self, name: str) -> list[int]:
-        """Columns of the parameters called so, alone or on either side: `arm_abduction` is that of both arms.
+        """Columns of the parameters of a name, alone or on either side: `arm_abduction` is that of both arms.
 
         Raises:
-            ModelError: no such parameter.
+            ModelError: the parameter does not exist.
         """
         return [self.names.index(own) for own in self.mirror.meant(name, self.names)] or [self.index(name)]
 
@@ -79,7 +79,7 @@ class BodyModel(KinematicTree):
         """Columns of the parameters in a search group.
 
         Raises:
-            ModelError: no such group.
+            ModelError: the group does not exist.
         """
         if name not in self.groups:
             raise ModelError(f'model "{self.name}" has no group "{name}"; {nearest(name, self.groups)}')
@@ -94,37 +94,37 @@ class BodyModel(KinematicTree):
 
     @cached_property
     def coarse_groups(self) -> tuple[str, ...]:
-        """Groups that lie in no other one, in order: the decomposition of the whole search."""
+        """Groups that are in no other group, in order: the decomposition of the whole search."""
         sets = {name: set(members) for name, members in self.groups.items()}
         return tuple(name for name in sets if not any(sets[name] < other for other in sets.values()))
 
     @cached_property
     def fine_groups(self) -> tuple[str, ...]:
-        """Groups that contain no other one, in order: the pieces a search can repair on its own."""
+        """Groups without a group inside, in order: the pieces that a search can repair separately."""
         sets = {name: set(members) for name, members in self.groups.items()}
         return tuple(name for name in sets if not any(other < sets[name] for other in sets.values()))
 
     @cached_property
     def limbs(self) -> tuple[str, ...]:
-        """Fine groups that may be elsewhere on their own: arms and legs, not trunk and head, on which they hang.
+        """Fine groups that may be elsewhere separately: arms and legs, not trunk and head, which carry them.
 
-        They have one on the other side; of a body without sides they are the ends of its tree, fingers of a hand.
+        They have a partner on the other side; in a body without sides they are the ends of its tree, fingers of a hand.
         """
         return tuple(group for group in self.fine_groups if self.partner_of(group)) or self.ends
 
     @cached_property
     def ends(self) -> tuple[str, ...]:
-        """Fine groups that hang on another one, and none on them: most limbs, a head, a tail."""
+        """Fine groups that hang on another one, and carry none: most limbs, a head, a tail."""
         return tuple(group for group in self.fine_groups if self._is_an_end(group))
 
     @cached_property
     def doubted_ends(self) -> tuple[str, ...]:
-        """What may be elsewhere for itself, as far as users are told: limbs, head and tail, rigid ends."""
+        """Limbs, head and tail, rigid ends: they may be ambiguous separately."""
         return tuple(dict.fromkeys((*self.limbs, *self.ends, *self.rigid_ends)))
 
     @cached_property
     def marked_limbs(self) -> tuple[str, ...]:
-        """Limbs that landmarks tell the place of: a model file may give some of the others none."""
+        """Limbs with landmarks: a model file may give some of the others none."""
         return tuple(group for group in self.limbs if self.landmarks_of(group).any())
 
     def partner_of(self, group: str) -> str | None:
@@ -156,12 +156,12 @@ class BodyModel(KinematicTree):
         return found
 
     def parts_of(self, group: str) -> Mask:
-        """(P,) parts that a fine group moves and no finer chain hanging on it does: an arm's, not the body's.
+        """(P,) parts that a fine group moves and no finer chain on it does: an arm's, not the body's.
 
-        Those of a rigid end are its own.
+        A rigid end has its own.
 
         Raises:
-            ModelError: no such group or rigid end.
+            ModelError: no group or rigid end has the name.
         """
         if group not in self._parts_of_groups:
             raise ModelError(f'model "{self.name}" has no group "{group}"; {nearest(group, self._parts_of_groups)}')
@@ -174,19 +174,19 @@ class BodyModel(KinematicTree):
         return found | {end: frozen(np.isin(names, one.parts), np.bool_) for end, one in self.rigid_ends.items()}
 
     def landmarks_of(self, group: str) -> Mask:
-        """(L,) landmarks that a fine group moves and no finer chain hanging on it does: an arm's, not the body's.
+        """(L,) landmarks that a fine group moves and no finer chain on it does: an arm's, not the body's.
 
-        Those of a rigid end are its own.
+        A rigid end has its own.
 
         Raises:
-            ModelError: no such group or rigid end.
+            ModelError: no group or rigid end has the name.
         """
         if group in self.rigid_ends:
             return np.isin(self.landmark_names, self.rigid_ends[group].landmarks)
         return self._hanging_on(group, np.array([mark.parameter for mark in self.landmarks]))
 
     def _hanging_on(self, group: str, ends: Integers) -> Mask:
-        """Which of the ends of chains a fine group moves, and no finer chain hanging on it does."""
+        """The ends of chains that a fine group moves, and no finer chain on it does."""
         moved, parts = self.moves[:, ends], self.moves[:, self.part_parameters]
         mine = self.group(group)
         own: Mask = np.asarray(moved[mine].any(axis=0))
@@ -200,7 +200,7 @@ class BodyModel(KinematicTree):
     def apart(self) -> Integers:
         """(N, 2) parts that must not run through each other.
 
-        Left out are parts of one segment, of segments next to each other, and parts that overlap in the reference pose.
+        Without parts of one segment, of neighbouring segments, and parts that overlap in the reference pose.
         """
         chains = [frozenset(np.flatnonzero(self.moves[:, end]).tolist()) for end in self.part_parameters]
         pairs = np.array(unjoined(chains), dtype=np.int64).reshape(-1, 2)
@@ -210,11 +210,11 @@ class BodyModel(KinematicTree):
         return kept
 
     def collisions(self, q: Array) -> Array:
-        """How much the body runs through itself at poses (B, dof): points (B,) by their depth, see `sum_collisions`."""
+        """How deep the body runs through itself at poses (B, dof): points (B,) by their depth, see `sum_collisions`."""
         return self.collisions_of(self.world_from_part(q))
 
     def collisions_of(self, placements: Array) -> Array:
-        """The same for part placements (B, P, 4, 4) that are known already."""
+        """The same for known part placements (B, P, 4, 4)."""
         return self._collisions(placements, self.apart)
 
     def _collisions(self, placements: Array, pairs: Integers) -> Array:

@@ -1,4 +1,4 @@
-"""What a model file leaves out, derived from the shape of the body, so that a minimal file works as well."""
+"""Defaults of a model file, derived from the shape of the body, so that a minimal file works as well."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _STANCES_DEG = (85.0, 45.0)
 # The long axis is sought on the root segment if its landmarks span this share of the body.
 _LONG = 0.25
 _SAME = 0.006
-# A part's end this close to a joint is that joint, as a share of the body: limbs of the bundled models, round at their
+# Distance, as a share of the body, up to which a part's end is a joint: limbs of the bundled models, round at their
 # ends, begin and end 0.01 to 0.042 beyond their joints.
 _AT_JOINT = 0.045
 _SWAY_DEG, _SWAY_SHARE, _SWAY_S = 20.0, 0.4, 2.0
@@ -32,12 +32,12 @@ _GOLDEN = 0.618
 
 
 def marks(segments: tuple[SegmentEntry, ...], parts: tuple[PartEntry, ...], mirror: Mirror) -> dict[str, LandmarkEntry]:
-    """Landmarks: the joints by which segments hang on others, and the ends of parts that are no joint.
+    """Landmarks: the joints that carry segments, and the ends of parts without a joint.
 
     Args:
         segments: the tree.
         parts: the shapes on it, one at least.
-        mirror: what mirrors what: an end counts if that of the other side does.
+        mirror: symmetry: an end counts if that of the other side does.
     """
     found = {one.name: LandmarkEntry(segment=one.name, at=one.joint) for one in segments if one.parent != "world"}
     ends = {
@@ -57,7 +57,7 @@ def marks(segments: tuple[SegmentEntry, ...], parts: tuple[PartEntry, ...], mirr
 def bones(
     segments: tuple[SegmentEntry, ...], parts: tuple[PartEntry, ...], known: dict[str, LandmarkEntry]
 ) -> tuple[tuple[str, str], ...]:
-    """Links between `marks`: from joint to joint, from the last joint to the free ends, and along what has two."""
+    """Links between `marks`: from joint to joint, from the last joint to the free ends, and along segments with two."""
     pairs = [(one.parent, one.name) for one in segments]
     for part in parts:
         start, end = f"{part.name}_start", f"{part.name}_end"
@@ -208,7 +208,7 @@ def clothes(body: BodyModel) -> Clothes:
 
 
 def movements(body: BodyModel) -> dict[str, Movement]:
-    """A single movement, in which every joint swings about its rest a little, no two in step."""
+    """A single movement, in which every joint swings a little about its rest, no two in step."""
     root = _root(body)
     still = set() if root is None else set(root.columns.tolist())
     curves: dict[str, tuple[Term, ...]] = {}

@@ -1,4 +1,4 @@
-"""What a body model file describes, and the body that is made of it."""
+"""Description in a body model file, and the body made from it."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def skin_of(body: BodyModel, section: SkinSection) -> Skin:
     """The surface of a body, read from its files.
 
     Raises:
-        ModelError: a file is missing or wrong, or names what the body does not have.
+        ModelError: a file is missing or wrong, or names something that the body lacks.
     """
     path = Path(section.surface)
     surface = read_surface(path)
@@ -69,10 +69,10 @@ def skin_of(body: BodyModel, section: SkinSection) -> Skin:
 
 
 def measured_pose(body: BodyModel, section: SkinSection) -> Array:
-    """(dof,) the pose that the surface was measured in, rad and m.
+    """(dof,) the pose of the measurement, rad and m.
 
     Raises:
-        ModelError: a parameter that the body does not have, or a translation.
+        ModelError: a parameter does not exist, or is a translation.
     """
     q = np.zeros(body.dof)
     for name, degrees in section.pose_deg.items():
@@ -109,21 +109,22 @@ class BodyDescription(Entry):
     start: StartMarks = StartMarks()
     joints: Joints = Joints()
     keypoints: dict[str, Keypoint] = pydantic.Field(default={})
-    """What 2-D detectors call landmarks, and points beside them; landmarks are keypoints of their own names anyway."""
+    """Points of 2-D detectors: other names of landmarks, and points beside them; landmarks are keypoints of their own
+    names anyway."""
 
     clothes: Clothes = Clothes()
     movements: dict[str, Movement] = pydantic.Field(default={})
     skin: SkinSection | None = None
-    """The body's own surface; None: its parts are all that is known."""
+    """The body's own surface; None: only its parts are known."""
 
     sigmas: dict[str, OrInfinite] = pydantic.Field(default={})
-    """Standard deviations of what was measured on the person, metres or plain numbers; empty for a general model."""
+    """Standard deviations of measured values of the person, metres or plain numbers; empty for a general model."""
 
     variations: tuple[Variation, ...] = ()
-    """What is not known of the person's body, which the sigmas of its poses hold; empty for a body that is known."""
+    """Uncertainty of the person's body, which the sigmas of its poses include; empty for an exact body."""
 
     def mirrored(self, name: str) -> str:
-        """The name of the other side's segment, part or landmark; the same name on the midline."""
+        """Name of the segment, part or landmark on the other side; the same name on the midline."""
         return Mirror(self.sides, self.across).of(name)
 
     def with_marks(self) -> BodyDescription:
@@ -180,10 +181,10 @@ class BodyDescription(Entry):
         return movement.scaled(names, factor)
 
     def build(self) -> BodyModel:
-        """The body that is described.
+        """The body of the description.
 
         Raises:
-            ModelError: names, axes or shapes that cannot be.
+            ModelError: impossible names, axes or shapes.
         """
         return _build(self)
 
@@ -270,7 +271,7 @@ def read_description(path: Path) -> BodyDescription:
 
 
 def read_buildable(path: Path) -> BodyDescription:
-    """Reads the content of a model file of which a body can be made, whatever its skin is.
+    """Reads the content of a model file from which a body can be made, whatever its skin.
 
     Raises:
         ModelError: the file is missing or wrong; the message names the entry.
@@ -296,8 +297,8 @@ def save_description(description: BodyDescription, path: Path, decimals: int | N
     Args:
         description: the body.
         path: file to write; its folder is made.
-        decimals: digits after the point, 5 for a hundredth of a millimetre; None for all, so that it loads again to
-            the same bits.
+        decimals: digits after the point, 5 for a hundredth of a millimetre; None for all, so that it loads again
+            exactly.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     if description.skin is not None:
@@ -334,7 +335,7 @@ def _on_one_line(array: re.Match[str]) -> str:
 
 
 def _rounded(value: Any, decimals: int) -> Any:
-    """Numbers to so many digits after the point, in tables and lists."""
+    """Numbers with a limited number of digits after the point, in tables and lists."""
     if isinstance(value, float):
         return round(value, decimals)
     if isinstance(value, dict):
@@ -349,7 +350,7 @@ def load_body(path: Path, scale: float = 1.0) -> BodyModel:
 
     Args:
         path: a model TOML (see models/gavrila22.toml for a commented one).
-        scale: every length is multiplied by it.
+        scale: factor of every length.
 
     Raises:
         ModelError: the file is missing or wrong; the message names the entry.

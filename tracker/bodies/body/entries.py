@@ -1,4 +1,4 @@
-"""Segments, parts and landmarks as a body model file has them, and what a body makes of them."""
+"""Segments, parts and landmarks in a body model file, and in a body."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class AxisEntry(Entry):
     limits_m: tuple[OrInfinite, OrInfinite] | None = None
     limits_deg: tuple[OrInfinite, OrInfinite] | None = None
     usual_deg: float | None = pydantic.Field(default=None, gt=0)
-    """How far a rotation is from the rest pose in everyday movement, standard deviation: where images hardly tell, a
-    pose is as usual as they allow. None where every angle within the limits is as likely."""
+    """Standard deviation of a rotation from the rest pose in everyday movement: where images hardly decide, the pose
+    stays as usual as they allow. None if every angle within the limits is equally likely."""
 
     def scaled(self, factor: float) -> AxisEntry:
         """The axis with the limits of a translation multiplied by a factor."""
@@ -72,8 +72,8 @@ Pair = tuple[Finite, Finite]
 class Variation(Entry):
     """One way in which a person may differ from the model, by one standard deviation; independent of the others.
 
-    Changes of what a model file has, in its order: joints of the segments, starts and ends of the parts and landmarks
-    in metres, natural logarithms of radii, and the exponents. Entries that the lists lack stay as they are.
+    Changes of the entries of a model file, in its order: joints of the segments, starts and ends of the parts and
+    landmarks in metres, natural logarithms of radii, and the exponents. Entries that the lists lack stay unchanged.
     """
 
     joints: tuple[Vector, ...] = ()
@@ -85,7 +85,7 @@ class Variation(Entry):
     landmarks: tuple[Vector, ...] = ()
 
     def scaled(self, factor: float) -> Variation:
-        """The same way of a body whose every length is multiplied by a factor."""
+        """The same for a body with every length multiplied by a factor."""
 
         def times(vectors: tuple[Vector, ...]) -> tuple[Vector, ...]:
             return tuple((factor * x, factor * y, factor * z) for x, y, z in vectors)
@@ -96,7 +96,7 @@ class Variation(Entry):
 
 
 def tree_of(entries: tuple[SegmentEntry, ...]) -> tuple[list[Parameter], tuple[Segment, ...]]:
-    """All parameters and segments; parents come before what hangs on them."""
+    """All parameters and segments; parents come before their children."""
     parameters: list[Parameter] = []
     segments: list[Segment] = []
     place = {"world": -1}
@@ -120,11 +120,11 @@ def tree_of(entries: tuple[SegmentEntry, ...]) -> tuple[list[Parameter], tuple[S
 
 
 def with_ground(segments: tuple[Segment, ...], holders: Iterable[str]) -> tuple[Segment, ...]:
-    """The segments, and one more that never moves where anything, as a pedestal does, hangs on the world itself.
+    """The segments, with one more that never moves if anything, as a pedestal, hangs on the world itself.
 
     Args:
         segments: the tree.
-        holders: names of the segments that parts and landmarks hang on.
+        holders: names of the segments that carry parts and landmarks.
     """
     return (*segments, Segment("world", -1, frozen(np.zeros(3)), (), -1)) if "world" in holders else segments
 

@@ -1,4 +1,4 @@
-"""The sections of a model file made whole: names checked, both sides spelt out, what is left out derived."""
+"""Completes the sections of a model file: names checked, both sides spelt out, missing entries derived."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _Section = TypeVar("_Section", bound=Entry)
 def with_facts(
     body: BodyModel, start: StartMarks, joints: Joints, clothes: Clothes, movements: dict[str, Movement]
 ) -> BodyModel:
-    """The body with its sections; keys that the file does not set are derived from the shape, see `defaults`.
+    """The body with its sections; missing keys are derived from the shape, see `defaults`.
 
     Raises:
-        ModelError: a section names what the body does not have.
+        ModelError: a section names something that the body lacks.
     """
     parameters = _Names(body.mirror, body.names, "parameter")
     marks = _Names(body.mirror, body.landmark_names, "landmark")
@@ -40,10 +40,10 @@ def with_facts(
 
 
 def rigid_ends(body: BodyModel, entries: Mapping[str, RigidEnd]) -> dict[str, RigidEnd]:
-    """The ends that no parameter of their own moves, their parts and landmarks spelt out.
+    """The ends without a parameter of their own, with their parts and landmarks spelt out.
 
     Raises:
-        ModelError: a name that a group has already, or a part or landmark that the body does not have.
+        ModelError: a group has the name already, or a part or landmark does not exist.
     """
     marks = _Names(body.mirror, body.landmark_names, "landmark")
     parts = _Names(body.mirror, tuple(part.name for part in body.parts), "part")
@@ -51,7 +51,7 @@ def rigid_ends(body: BodyModel, entries: Mapping[str, RigidEnd]) -> dict[str, Ri
         if fault := name_fault(name):
             raise ModelError(f"rigid_ends: {fault}")
         if name in body.groups:
-            raise ModelError(f"rigid_ends.{name}: a group is called so, and is doubted for itself; leave one out")
+            raise ModelError(f"rigid_ends.{name}: a group has this name, and is doubted separately; leave one out")
     return {
         name: RigidEnd(
             parts=parts.each(one.parts, f"rigid_ends.{name}.parts"),
@@ -62,17 +62,17 @@ def rigid_ends(body: BodyModel, entries: Mapping[str, RigidEnd]) -> dict[str, Ri
 
 
 def keypoint_marks(body: BodyModel, entries: Mapping[str, KeypointEntry]) -> tuple[Landmark, ...]:
-    """The points that 2-D detectors name, each on the segment of its landmark.
+    """The points of 2-D detectors, each on the segment of its landmark.
 
-    Of a pair whose other side is left out, that is the mirror image.
+    If one of a pair is left out, it is the mirror image.
 
     Raises:
-        ModelError: a landmark that the body does not have.
+        ModelError: a landmark does not exist.
     """
     spelt: dict[str, str] = {}
     for name in entries:
         if (known := spelt.setdefault(plain_name(name), name)) != name:
-            raise ModelError(f'keypoints: "{known}" and "{name}" are one keypoint, spelt in two ways; leave one out')
+            raise ModelError(f'keypoints: "{known}" and "{name}" are one keypoint in two spellings; leave one out')
     found = {name: _beside(body, name, one.landmark, one) for name, one in entries.items()}
     for name, one in entries.items():
         other, landmark = body.mirror.of(plain_name(name)), body.mirror.of(one.landmark)
@@ -93,7 +93,7 @@ def _beside(body: BodyModel, name: str, landmark: str, entry: KeypointEntry, mir
 
 @dataclass(frozen=True)
 class _Names:
-    """The names that a key may hold."""
+    """The names allowed in a key."""
 
     mirror: Mirror
     valid: tuple[str, ...]
@@ -117,9 +117,9 @@ class _Names:
         return name
 
     def abreast(self, names: tuple[str, ...], where: str) -> list[tuple[str, ...]]:
-        """Names that belong together, once a side of the first: of elbow, shoulder, wrist the left and the right ones.
+        """Names that belong together, once for each side of the first: the left elbow, shoulder, wrist and the right.
 
-        Those on the midline belong to both sides.
+        Names on the midline belong to both sides.
         """
         found = [self.all(name, where) for name in names]
         n = len(found[0])
@@ -129,7 +129,7 @@ class _Names:
 
 
 def _filled(given: _Section, derived: _Section) -> _Section:
-    """A section with the keys that were set, and the others derived."""
+    """A section with its set keys, and the others derived."""
     missing = set(type(given).model_fields) - given.model_fields_set
     return given.model_copy(update={key: getattr(derived, key) for key in missing})
 
@@ -194,5 +194,5 @@ def _movement(name: str, section: Movement, parameters: _Names, marks: _Names) -
 
 
 def _changed(section: _Section, changes: Mapping[str, object]) -> _Section:
-    """The section with the keys that were set changed: which were set stays known."""
+    """The section with its set keys changed; they still count as set."""
     return section.model_copy(update={key: value for key, value in changes.items() if key in section.model_fields_set})

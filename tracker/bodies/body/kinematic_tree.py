@@ -1,4 +1,4 @@
-"""The kinematic tree of a body: where a pose puts its parts, its landmarks and points on it, and how they move."""
+"""The kinematic tree of a body: positions of parts, landmarks and points at a pose, and their derivatives."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tracker.foundation.arrays import Array, Integers, Mask, frozen
 from tracker.foundation.errors import ModelError, nearest
 from tracker.kernels.body import chain_transforms, twists_in_world
 
-# How far what carries all of a body may slide along a rail, in extents of the body.
+# Largest range along a rail of the segment that carries the body, in extents of the body.
 _RAIL = 2.0
 
 
@@ -51,7 +51,7 @@ class KinematicTree:
 
     @cached_property
     def spreads(self) -> Array:
-        """(dof,) standard deviations from the rest pose in everyday movement, rad; infinite where nothing is usual."""
+        """(dof,) standard deviations from the rest pose in everyday movement, rad; infinite for free parameters."""
         return frozen([parameter.spread for parameter in self.parameters])
 
     @cached_property
@@ -70,7 +70,7 @@ class KinematicTree:
 
     @cached_property
     def moves(self) -> Mask:
-        """(dof, dof + 1): does parameter i move what hangs on parameter j? Column `dof` is the world."""
+        """(dof, dof + 1): whether parameter i moves the things on parameter j. Column `dof` is the world."""
         mask = np.zeros((self.dof, self.dof + 1), dtype=np.bool_)
         for j, parameter in enumerate(self.parameters):
             mask[j, j] = True
@@ -92,14 +92,14 @@ class KinematicTree:
 
     @cached_property
     def carrying(self) -> Integers:
-        """The parameters that all parts hang on."""
+        """The parameters that carry all parts."""
         ends = np.unique([part.parameter for part in self.parts])
         found: Integers = frozen(np.flatnonzero(self.moves[:, ends].all(axis=1)), dtype=np.int64)
         return found
 
     @cached_property
     def root(self) -> Root:
-        """The parameters that everything hangs on.
+        """The parameters that carry everything.
 
         Raises:
             ModelError: no free position along the world's axes or no turn about the vertical.
@@ -120,9 +120,9 @@ class KinematicTree:
 
     @cached_property
     def stays(self) -> bool:
-        """Whether the body keeps its place whatever its pose, as an arm of a robot: it has no root to be moved by.
+        """Whether the body keeps its place at any pose, as an arm of a robot: no root moves it.
 
-        What carries all of it may slide by twice its own extent, on a rail.
+        It may slide by twice its own extent, on a rail.
         """
         try:
             return not len(self.root.columns)
@@ -169,7 +169,7 @@ class KinematicTree:
         return squares
 
     def world_from_parameters(self, q: Array) -> Array:
-        """Motion of what hangs on each parameter: q (*B, dof) -> (*B, dof + 1, 4, 4); the last is the world."""
+        """Motion of the things on each parameter: q (*B, dof) -> (*B, dof + 1, 4, 4); the last is the world."""
         q = np.asarray(q, dtype=np.float64)
         flat = np.array(q.reshape(-1, self.dof), order="C")
         motions: Array = chain_transforms(flat, *self.packed)
@@ -186,7 +186,7 @@ class KinematicTree:
 
     @cached_property
     def extents_m(self) -> Array:
-        """(3,) how large the body is in its pose at rest, from landmark to landmark along the axes, metres."""
+        """(3,) size of the body in its pose at rest, from landmark to landmark along the axes, metres."""
         return frozen(np.ptp(self.landmarks_in_world(self.rest()), axis=0))
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Sections of a body model file beyond its shape: where a start begins, what is judged, how it is simulated."""
+"""Sections of a body model file beyond its shape: the start, the judged landmarks, the simulation."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tracker.foundation.errors import nearest
 
 
 class Entry(pydantic.BaseModel):
-    """A table of a model file. A key that it does not have is refused with the nearest valid one; so are NaN, inf."""
+    """A table of a model file. An unknown key is refused with the nearest valid one; so are NaN, inf."""
 
     model_config = pydantic.ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
@@ -25,11 +25,11 @@ class Entry(pydantic.BaseModel):
 
 
 OrInfinite = Annotated[float, pydantic.Field(allow_inf_nan=True)]
-"""A number of a model file that may be infinite: the limit of what is free."""
+"""A number of a model file that may be infinite: the limit of a free parameter."""
 
 
 class StartMarks(Entry):
-    """What a search without a prediction has to know; names of parameters may leave out the word of the side."""
+    """Facts for a search without a prediction; names of parameters may leave out the word of the side."""
 
     head: str = ""
     """Landmark at the head's end of the body's long axis; empty if there is none."""
@@ -48,10 +48,10 @@ class StartMarks(Entry):
 
 
 class Joints(Entry):
-    """Landmarks that results are judged by; names may leave out the word of the side."""
+    """Landmarks for judging results; names may leave out the word of the side."""
 
     reported: tuple[str, ...] = ()
-    """Landmarks that tables of joints hold, in order."""
+    """Landmarks in tables of joints, in order."""
 
     evaluated: tuple[str, ...] = ()
     """Landmarks that are compared with a reference."""
@@ -71,17 +71,17 @@ class Joints(Entry):
 
 
 class RigidEnd(Entry):
-    """An end of the body that no parameter of its own moves, doubted for itself all the same: a stiff head."""
+    """An end of the body without a parameter of its own, still doubted separately: a stiff head."""
 
     parts: tuple[str, ...] = pydantic.Field(min_length=1)
-    """Its parts; their contours tell whether it is where the model has it."""
+    """Its parts; their contours show whether it is in place."""
 
     landmarks: tuple[str, ...] = ()
     """Landmarks that are in doubt with it."""
 
 
 class Clothes(Entry):
-    """How a simulated body is dressed; names of parts may leave out the word of the side, parts unnamed are skin."""
+    """Clothes of a simulated body; names of parts may leave out the word of the side, other parts are skin."""
 
     garments: dict[str, tuple[str, ...]] = {}
     """Garment -> parts that share its colour."""
@@ -91,10 +91,10 @@ class Clothes(Entry):
 
 
 class KeypointEntry(Entry):
-    """A point of the body that 2-D detectors name: a landmark, or a point beside one on the same segment."""
+    """A point of 2-D detectors on the body: a landmark, or a point beside one on the same segment."""
 
     landmark: str
-    """Which landmark it is, or lies beside."""
+    """The landmark that it is, or lies beside."""
 
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """From the landmark, metres along the axes of the reference pose; it turns with the landmark's segment."""
@@ -115,7 +115,7 @@ Keypoint = Annotated[KeypointEntry, pydantic.BeforeValidator(_keypoint, json_sch
 
 
 class SkinSection(Entry):
-    """The body's own surface, measured in some pose: refines what superquadrics have found."""
+    """The body's own surface, measured in some pose: refines the result of superquadrics."""
 
     surface: str
     """PLY or OBJ file of triangles, metres, in the body's model frame; a path relative to the model file. Open patches
@@ -123,16 +123,16 @@ class SkinSection(Entry):
 
     weights: str = ""
     """Archive of numpy (.npz): `segments`, names of parts, and `weights` (N, S) of all vertices or their `label` (N,);
-    empty where the groups of an OBJ file are called like the parts."""
+    empty if the groups of an OBJ file have the names of the parts."""
 
     smooth: bool = True
     """Blend the motions of several parts (linear blend skinning); false moves every vertex with its strongest part."""
 
     scale: float = pydantic.Field(default=1.0, gt=0)
-    """Lengths of the surface are multiplied by it."""
+    """Factor of the surface's lengths."""
 
     pose_deg: dict[str, float] = {}
-    """Parameters that were not zero when the surface was measured, degrees; names may leave out the side."""
+    """Parameters that were not zero in the measurement, degrees; names may leave out the side."""
 
     def scaled(self, factor: float) -> SkinSection:
         """The section with every length multiplied by a factor."""
@@ -144,7 +144,7 @@ class SkinSection(Entry):
         return self.model_copy(update=files)
 
     def files(self) -> dict[str, str]:
-        """Key -> file, of those that are given."""
+        """Key -> file, of the given ones."""
         return {name: path for name, path in (("surface", self.surface), ("weights", self.weights)) if path}
 
 
@@ -160,7 +160,7 @@ _OPTIONAL = ("phase", "power")
 
 
 class Term(Entry):
-    """A part of a curve over time: one amount in degrees or metres, and when.
+    """A part of a curve over time: one amount in degrees or metres, and its times.
 
     `at` is a constant; `ease` is added from `from_s` to `to_s` with minimum jerk and stays; `swing` is a sine that
     fades in over half a second; `lift` the positive half of such a sine, to a `power`; `dip` goes there and back
@@ -177,14 +177,14 @@ class Term(Entry):
     to_s: float = 0.0
     period_s: float = pydantic.Field(default=1.0, gt=0)
     phase: float = 0.0
-    """Share of the period by which it is ahead."""
+    """Phase lead, share of the period."""
 
     power: float = pydantic.Field(default=1.0, gt=0)
     run_up_s: float = pydantic.Field(default=0.25, gt=0)
 
     @property
     def kind(self) -> str:
-        """Which of the amounts is given."""
+        """The key of the given amount."""
         return next(kind for kind in _KINDS if getattr(self, kind) is not None)
 
     @property
@@ -223,14 +223,14 @@ Curve = Annotated[
 
 
 class Movement(Entry):
-    """A movement to simulate; parameters that it does not name stay at zero, or at the nearest value they can have."""
+    """A movement to simulate; other parameters stay at zero, or at the nearest possible value."""
 
     about: str = ""
     planted: tuple[str, ...] = ()
-    """Landmarks whose middle stays in its place on the floor; none: the root does."""
+    """Landmarks whose middle stays in its place on the floor; without any the root does."""
 
     stepping: tuple[str, ...] = ()
-    """Landmarks that it walks on: the body moves on so that the lowest one stays about where it is."""
+    """Landmarks that walk: the body moves on so that the lowest one almost stays in place."""
 
     curves: dict[str, Curve]
     """Parameter -> its course; a name without the word of the side moves both sides alike."""

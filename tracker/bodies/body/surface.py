@@ -56,10 +56,10 @@ def surface_of(body: BodyModel, n_eta: int, n_omega: int) -> Surface:
 
 @dataclass(frozen=True)
 class Skinned:
-    """A body's surface as programs that animate meshes take it: vertices that up to four segments move."""
+    """A body's surface for programs that animate meshes: vertices that up to four segments move."""
 
     points: Array
-    """(N, 3) vertices in the pose that the surface is given in, metres."""
+    """(N, 3) vertices in the rest pose, metres."""
 
     normals: Array
     """(N, 3) outwards, unit length."""
@@ -71,17 +71,17 @@ class Skinned:
     """(N, 4) segments that move each vertex."""
 
     weights: Array
-    """(N, 4) how much; they add up to 1."""
+    """(N, 4) their weights; the sum is 1."""
 
     segment_from_given: Array
-    """(S, 4, 4) from the pose that the surface is given in to each segment's own axes."""
+    """(S, 4, 4) from the rest pose to each segment's own axes."""
 
 
 def skinned_of(body: BodyModel, n_eta: int, n_omega: int) -> Skinned:
-    """The skin of a body that has one, else the surfaces of its parts.
+    """The skin of a body, or else the surfaces of its parts.
 
     Args:
-        body: whose surface it is.
+        body: owner of the surface.
         n_eta: latitudes of a part's mesh, poles included.
         n_omega: longitudes.
     """
@@ -126,7 +126,7 @@ def segments_in_world(body: BodyModel, q: Array) -> Array:
 
 
 def nearest_parts(points: Array, placements: Array, shapes: Array) -> tuple[Integers, Array, Array]:
-    """The part whose surface is nearest to each point, where parts overlap the outer one.
+    """The part whose surface is nearest to each point; where parts overlap, the outer one.
 
     Args:
         points: (N, 3) in the world, metres.

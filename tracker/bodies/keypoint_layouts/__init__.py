@@ -1,4 +1,4 @@
-"""Files of keypoints as detectors write them; one reader for whoever needs them."""
+"""Files of keypoints from detectors; one reader for all."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tracker.foundation.arrays import Array
 from tracker.foundation.errors import SequenceError
 
 _SAMPLE = 20
-"""Frames with somebody that tell the layout and the unit: spread over all, for who comes in is cut off by the edge."""
+"""Frames with persons that show the layout and the unit, spread over all, because persons who come in are cut off."""
 
 _EXPECTED = (
     "expected a folder of OpenPose's JSON files, one JSON file a video as AlphaPose writes it, "
@@ -34,7 +34,7 @@ _OTHERS = {
     ".txt": "labels, as YOLO writes them, are not read: write JSON, or a CSV table",
     ".xlsx": "a spreadsheet is not read: save it as CSV",
 }
-"""What detectors write besides, and the way out."""
+"""Other outputs of detectors, and the way out."""
 
 
 @dataclass(frozen=True)
@@ -43,22 +43,22 @@ class KeypointSource:
 
     path: Path
     numbers: tuple[int, ...]
-    """Of the images that it tells of, in their order."""
+    """Numbers of the images in the file, in their order."""
 
     persons: Callable[[int], Sequence[Array]]
-    """(K, 3) of everybody in an image of such a number."""
+    """(K, 3) of each person in an image of a number."""
 
     named: bool
-    """Whether what was found is told by the names of the images, not counted from the first image on."""
+    """Whether the names of the images give the numbers, or they count from the first image on."""
 
     order: Order | None = None
-    """None where no names are told and nobody is in any image."""
+    """None without names and without any person."""
 
     def at(self, number: int) -> Detections:
-        """What was found in an image, by the number in its name or its position; nobody where nothing is told.
+        """Detections in an image, by the number in its name or its position; empty if the file has none.
 
         Raises:
-            SequenceError: a file is none of a detector's, or a person has another number of keypoints.
+            SequenceError: it is not a detector's file, or a person has another number of keypoints.
         """
         order = self.order or Order(())
         read = [order.read(person, f"{self.path}, image {number}") for person in self.persons(number)]
@@ -72,7 +72,7 @@ class KeypointSource:
 
     @cached_property
     def some_persons(self) -> tuple[Array, ...]:
-        """(K, 3) of everybody in some images, spread over all; of the first with somebody where these show nobody."""
+        """(K, 3) of each person in some images, spread over all; of the first with a person if these show none."""
         spread = self.numbers[:: max(1, len(self.numbers) // _SAMPLE)]
         found = tuple(person for number in spread for person in self.persons(number))
         return found or tuple(next((one for one in map(self.persons, self.numbers) if len(one)), ()))
@@ -85,10 +85,10 @@ def open_keypoints(path: Path, names: tuple[str, ...] = (), layout: str | None =
         path: a folder of JSON files as OpenPose and Pose2Sim write them, one JSON file a video as AlphaPose and MMPose
             do, or a CSV table as DeepLabCut and SLEAP do.
         names: of the keypoints in JSON files, an empty one for a keypoint to leave out.
-        layout: of those, one of `LAYOUTS`; where neither is told, their number tells it.
+        layout: of those, one of `LAYOUTS`; without names and layout, their number decides.
 
     Raises:
-        SequenceError: the file is missing or of no known kind, or names and layout do not fit it.
+        SequenceError: the file is missing or of an unknown kind, or names and layout do not fit it.
     """
     order = order_told(names, layout)
     if path.suffix.lower() == ".csv":
@@ -120,6 +120,6 @@ def _table(path: Path, order: Order | None) -> KeypointSource:
 
 
 def _stacked(persons: Sequence[Array], order: Order) -> Array:
-    """(N, K, 3) of those of whom something is left."""
+    """(N, K, 3) of the persons with any keypoint left."""
     seen = [person for person in persons if np.isfinite(person).any()]
     return np.array(seen).reshape(len(seen), len(order.names), 3)

@@ -14,19 +14,19 @@ from tracker.foundation.errors import SequenceError, shortened
 from tracker.foundation.source_files import json_of, text_of
 
 _PEOPLE = ("people", "bodies", "instances", "predictions", "annots")
-"""What lists of persons are called by OpenPose and Pose2Sim, AlphaPose (`--format cmu`), MMPose (two), EasyMocap."""
+"""Keys of lists of persons in OpenPose and Pose2Sim, AlphaPose (`--format cmu`), MMPose (two), EasyMocap."""
 
 _KEYPOINTS = ("pose_keypoints_2d", "pose_keypoints", "joints", "keypoints")
-"""What their keypoints are called: by OpenPose today and before 1.3, by AlphaPose, and by all the others."""
+"""Keys of their keypoints: in OpenPose today and before 1.3, in AlphaPose, and in all the others."""
 
 _SCORES = ("score", "visibility", "confidence", "visible")
-"""What confidence is called where a point is an object: by TensorFlow.js, MediaPipe, others, Ultralytics."""
+"""Keys of confidence in points that are objects: in TensorFlow.js, MediaPipe, others, Ultralytics."""
 
 _EXPECTED_PERSONS = 'expected {"people": [{"pose_keypoints_2d": [x, y, c, ...]}]}'
 
 
 def tells_persons(content: Any) -> bool:
-    """Whether this has a list of persons, even of nobody."""
+    """Whether this has a list of persons, even an empty one."""
     return isinstance(content, dict) and any(key in content for key in _PEOPLE)
 
 
@@ -36,10 +36,10 @@ def is_person(value: Any) -> bool:
 
 
 def persons_of(content: Any, path: Path) -> list[Array]:
-    """(K, 3) pixel and confidence of everybody of whom something was found; NaN for keypoints that were not found.
+    """(K, 3) pixel and confidence of each person with any detection; NaN for missing keypoints.
 
     Raises:
-        SequenceError: this is nothing that a detector is known to write.
+        SequenceError: no known detector writes this.
     """
     if isinstance(content, dict):
         if not tells_persons(content) and is_person(content):
@@ -58,7 +58,7 @@ def persons_of(content: Any, path: Path) -> list[Array]:
 
 
 def _keypoints(person: Any, path: Path) -> Array:
-    """(K, 3) of one person; nothing of one who has none."""
+    """(K, 3) of one person; empty without keypoints."""
     if not person:
         return np.zeros((0, 3))
     if not isinstance(person, dict):
@@ -107,7 +107,7 @@ def _with_confidence(values: Array, scores: Array, where: str) -> Array:
 
 
 _FRAME = ("frame_id", "frame_idx", "frame_index", "frame")
-"""What a frame's number is called beside its persons; `frame_id` by MMPose."""
+"""Keys of a frame's number beside its persons; `frame_id` in MMPose."""
 
 _EXPECTED = (
     "expected AlphaPose's results (a list of image_id and keypoints, or images' names with bodies or people), "
@@ -146,11 +146,11 @@ def _of_image(value: Any) -> bool:
 
 
 _Entry = tuple[int, str, Any]
-"""A frame's number, the name of its image (empty where there is none), and what holds its persons."""
+"""A frame's number, the name of its image (empty without one), and its persons."""
 
 
 def _counted(frames: Any, path: Path, first: int) -> Iterator[_Entry]:
-    """Frames that tell their number, from 0 on."""
+    """Frames with numbers, from 0 on."""
     if not isinstance(frames, list) or not all(isinstance(one, dict) for one in frames):
         raise SequenceError(f"{path}: instance_info is no list of frames, {_EXPECTED}")
     for one in frames:
@@ -227,9 +227,9 @@ def files_of(folder: Path) -> dict[int, Path]:
 
 
 def persons_in(path: Path) -> list[Array]:
-    """(K, 3) keypoints of everybody in a file; nobody in an empty one.
+    """(K, 3) keypoints of each person in a file; none in an empty one.
 
     Raises:
-        SequenceError: the file is not one of a detector's.
+        SequenceError: the file is not a detector's.
     """
     return persons_of(json_of(path, SequenceError), path) if text_of(path, SequenceError).strip() else []

@@ -1,4 +1,4 @@
-"""How detectors write keypoints without names: their orders, and numbers for one that was not found."""
+"""Keypoints without names: their orders in detectors' files, and numbers for missing ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tracker.foundation.source_files import is_gap
 
 
 def number(value: Any) -> float:
-    """A number of a file; NaN where there is none, a ValueError or TypeError where something else stands."""
+    """A number of a file; NaN for none, a ValueError or TypeError for another entry."""
     if value is None:
         return np.nan
     if isinstance(value, str):
@@ -43,8 +43,8 @@ def _numbers(values: Any) -> Any:
 def with_gaps(found: Array) -> Array:
     """Keypoints (..., 3) with NaN throughout where one was not found.
 
-    A number is missing or not finite, the confidence is not above 0, or the point is (0, 0) or (-1, -1), which stand
-    for none in many programs and which nobody's joint is at to the last digit.
+    A number is missing or not finite, the confidence is not above 0, or the point is (0, 0) or (-1, -1): these stand
+    for none in many programs, and no joint is there to the last digit.
     """
     x, y = found[..., 0], found[..., 1]
     lost = ~np.isfinite(found).all(axis=-1) | (found[..., 2] <= 0) | ((x == y) & ((x == 0) | (x == -1)))
@@ -52,7 +52,7 @@ def with_gaps(found: Array) -> Array:
 
 
 def last_number(name: str) -> int | None:
-    """The last whole number in a name of a file or an image, which is that of the frame; None if there is none."""
+    """The last whole number in a name of a file or an image, which is the frame's; None if there is none."""
     digits = _DIGITS.findall(name)
     return int(digits[-1]) if digits and len(digits[-1]) <= _MOST_DIGITS else None
 
@@ -110,40 +110,40 @@ LAYOUTS: dict[str, tuple[str, ...]] = {
 }
 """Names of the keypoints in their order; the first of a number is the usual one. `toe` is the big toe.
 
-Without a name, and not read, are keypoints of hands and within the face, and those of the trunk that detectors place
-each in their own way: MPII's thorax and upper neck (also in BODY_25B), Human3.6M's spine, thorax and neck.
-Sources: OpenPose, src/openpose/pose/poseParameters.cpp (coco_18, body_25, mpii_15) and openpose_train, experimental
-models (body_25b, body_135); MMPose, configs/_base_/datasets (coco_17, h36m_17, mpii_16, wholebody_133);
-Halpe-FullBody, README (halpe_26, halpe_136); MediaPipe, PoseLandmark; Pose2Sim, skeletons.py (halpe_68).
+Nameless, and not read, are keypoints of hands and within the face, and those of the trunk with a place of
+each detector's own: MPII's thorax and upper neck (also in BODY_25B), Human3.6M's spine, thorax and neck. Sources:
+OpenPose, src/openpose/pose/poseParameters.cpp (coco_18, body_25, mpii_15) and openpose_train, experimental models
+(body_25b, body_135); MMPose, configs/_base_/datasets (coco_17, h36m_17, mpii_16, wholebody_133); Halpe-FullBody, README
+(halpe_26, halpe_136); MediaPipe, PoseLandmark; Pose2Sim, skeletons.py (halpe_68).
 """
 
 _ALSO_CALLED = {"coco133": "wholebody_133", "wholebody": "wholebody_133", "blazepose": "blazepose_33"}
-"""What Pose2Sim and MediaPipe call them."""
+"""Names in Pose2Sim and MediaPipe."""
 
 
 @dataclass(frozen=True)
 class Order:
-    """In which order keypoints stand in a file."""
+    """Order of keypoints in a file."""
 
     all_names: tuple[str, ...]
-    """Of all K keypoints of a person; empty for those that are left out."""
+    """Names of all K keypoints of a person; empty for those left out."""
 
     layout: str = ""
-    """Which of `LAYOUTS` it is; empty where the file or the user tells names."""
+    """Its name in `LAYOUTS`; empty if the file or the user gives names."""
 
     by_number: bool = False
-    """Whether the number of keypoints alone told which."""
+    """Whether the number of keypoints alone decided."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the keypoints that are read."""
+        """Names of the keypoints that are read."""
         return tuple(name for name in self.all_names if name)
 
     def read(self, person: Array, where: str) -> Array:
-        """What is read of a person's keypoints (K, 3).
+        """The keypoints (K, 3) of a person that are read.
 
         Raises:
-            SequenceError: they are more or fewer.
+            SequenceError: there are more or fewer.
         """
         if len(person) != len(self.all_names):
             called = f"{self.layout} has" if self.layout else "the names given are"
@@ -157,25 +157,25 @@ class Order:
 
     @property
     def taken_for(self) -> str:
-        """Which keypoints these are, and how it is known."""
+        """The keypoints, and the source of their order."""
         if not self.layout:
             return "what the file or names call them"
         return f"{self.layout}, told by their number" if self.by_number else self.layout
 
     def __str__(self) -> str:
-        """How many keypoints a person has, and which they are."""
+        """The number of keypoints of a person, and their order."""
         also = f", as many as {' and '.join(self.others)}" if self.by_number and self.others else ""
         return f"{len(self.all_names)} a person{f' ({self.taken_for}{also})' if self.layout else ''}"
 
 
 def order_told(names: tuple[str, ...], layout: str | None) -> Order | None:
-    """The order that a user tells by names or by a layout's name; None where neither is told.
+    """The order given by names or by a layout's name; None without either.
 
     Raises:
-        SequenceError: no layout is called so, a name repeats, or both are told.
+        SequenceError: no layout has the name, a name repeats, or both are given.
     """
     if names and layout is not None:
-        raise SequenceError(f'names and layout = "{layout}" both tell the order of keypoints: leave one of them out')
+        raise SequenceError(f'names and layout = "{layout}" both give the order of keypoints: leave one of them out')
     if names:
         check_names(names, "names")
         return Order(names)
@@ -193,10 +193,10 @@ def _plain(layout: str) -> str:
 
 
 def order_of(n_keypoints: int, where: Path) -> Order:
-    """The usual order of so many keypoints.
+    """The usual order of a number of keypoints.
 
     Raises:
-        SequenceError: no detector is known to write so many.
+        SequenceError: no known detector writes that many.
     """
     fitting = [layout for layout, names in LAYOUTS.items() if len(names) == n_keypoints]
     if not fitting:
@@ -206,10 +206,10 @@ def order_of(n_keypoints: int, where: Path) -> Order:
 
 
 def check_names(names: tuple[str, ...], where: str) -> None:
-    """Refuses names of keypoints two of which are the same, however they are spelt; empty ones are left out.
+    """Refuses equal names of keypoints, in any spelling; empty ones are left out.
 
     Raises:
-        SequenceError: two are.
+        SequenceError: two are equal.
     """
     seen: dict[str, str] = {}
     for name in filter(None, names):

@@ -21,7 +21,7 @@ _HEADS = ("scorer", "individuals", "bodyparts", "coords")
 _FRAME = ("frame_idx", "frame", "frame_id", "frame_number")
 _VIDEO = ("video", "video_path")
 _COLUMN = re.compile(r"(.+)[._ ](x|y|score|likelihood|confidence|visibility)", re.IGNORECASE)
-"""`nose.x` of SLEAP, `NOSE_x` and `nose_visibility` of what people write of MediaPipe's."""
+"""`nose.x` of SLEAP, `NOSE_x` and `nose_visibility` from MediaPipe's users."""
 
 _AXES = ("x", "y", "confidence")
 

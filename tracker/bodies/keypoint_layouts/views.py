@@ -1,4 +1,4 @@
-"""The keypoints of all views of a rig, in pixels of the images that are tracked."""
+"""The keypoints of all views of a rig, in pixels of the tracked images."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from tracker.foundation.errors import SequenceError
 from tracker.foundation.files import Stamp, stamp_of
 
 USUAL = "keypoints/{view}_json"
-"""Where keypoints are written, and proposed to be, where nothing is said: beside the configuration."""
+"""Default place of keypoints: beside the configuration."""
 
 _MOST_OUTSIDE = 0.3
 """Share of a view's keypoints that may lie outside of its image; detectors guess feet below the edge."""
 
 _SHARES_END = 2.0
-"""Numbers up to this are shares of an image, which for keypoints outside of it are a little more than 1: no detector
-finds persons in so few pixels."""
+"""Numbers up to this are shares of an image, slightly above 1 for keypoints outside of it: no detector finds persons in
+so few pixels."""
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,14 @@ class KeypointViews:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the keypoints."""
+        """Names of the keypoints."""
         return self.order.names
 
     @staticmethod
     def open(
         pattern: str, views: tuple[str, ...], names: tuple[str, ...] = (), layout: str | None = None
     ) -> KeypointViews:
-        """Opens the files of all views, once as long as they stay as they are.
+        """Opens the files of all views, once as long as they do not change.
 
         Args:
             pattern: path with `{view}`.
@@ -73,21 +73,20 @@ class KeypointViews:
         least_confidence: float = 0.0,
         normalized: bool = False,
     ) -> list[Array]:
-        """What was found in the images of one frame.
+        """Detections in the images of one frame.
 
         Args:
-            frame: tells which images of the views they are; files that are named are numbered as the images are,
-                tables from 0 on.
-            rig: the cameras of the images tracked.
-            downscale: how much larger the images were that the detector saw; None: as they were recorded.
-            least_confidence: keypoints of less are left out.
+            frame: gives the images of the views; named files have the images' numbers, tables count from 0 on.
+            rig: the cameras of the tracked images.
+            downscale: size of the detector's images over that of these; None: as recorded.
+            least_confidence: least confidence of a keypoint.
             normalized: whether they are shares of the image's width and height.
 
         Returns:
             For each view (N, K, 3) pixel and confidence of N persons; NaN for keypoints that were not found.
 
         Raises:
-            SequenceError: a file is none of a detector's.
+            SequenceError: it is not a detector's file.
         """
         found = []
         for v, (source, camera) in enumerate(zip(self.sources, rig.cameras, strict=True)):
@@ -98,7 +97,7 @@ class KeypointViews:
         return found
 
     def number(self, frame: Frame, view: int) -> int:
-        """What a view's file calls a frame."""
+        """Number of a frame in a view's file."""
         return frame.position(view) + (frame.first_number if self.sources[view].named else 0)
 
     def check(
@@ -117,7 +116,7 @@ class KeypointViews:
 
     @property
     def numbering(self) -> str:
-        """From where on named files are numbered, if not from 0; empty otherwise."""
+        """First numbers of named files, if not 0; empty otherwise."""
         firsts = {
             view: source.numbers[0]
             for view, source in zip(self.views, self.sources, strict=True)
@@ -130,7 +129,7 @@ class KeypointViews:
         return f", numbered: {'; '.join(told)}" if any(firsts.values()) else ""
 
     def gaps_told(self, frame: Frame) -> str:
-        """Which views tell nothing of a frame, as files there have other numbers; empty if all do."""
+        """Views without data for a frame, because their files have other numbers; empty for none."""
         told = (
             f"{view} has {source.numbers[0]} to {source.numbers[-1]}, this frame is {self.number(frame, v)}"
             for v, (view, source) in enumerate(zip(self.views, self.sources, strict=True))
@@ -141,7 +140,7 @@ class KeypointViews:
 
 @component
 class KeypointFiles:
-    """Which files of keypoints are read, and how; what the components that read some have in common."""
+    """Files of keypoints and their reading: common settings of the components that use them."""
 
     path: PathPattern
     """For each view a folder of JSON files as OpenPose writes them, one JSON file as AlphaPose writes it of a video, or
@@ -152,32 +151,32 @@ class KeypointFiles:
     """Names of the keypoints in JSON files, in their order; an empty one leaves a keypoint out. Or say `layout`."""
 
     layout: str | None = None
-    """What the order of the keypoints in JSON files is called: `coco_17`, `h36m_17`, `coco_18`, `body_25`, `body_25b`,
-    `halpe_26`, `blazepose_33`, `halpe_68`, `wholebody_133`, `body_135`, `halpe_136`, `mpii_15` or `mpii_16`. Where
-    nothing is said their number tells it: 17 are `coco_17` then, 25 `body_25`."""
+    """Order of the keypoints in JSON files: `coco_17`, `h36m_17`, `coco_18`, `body_25`, `body_25b`, `halpe_26`,
+    `blazepose_33`, `halpe_68`, `wholebody_133`, `body_135`, `halpe_136`, `mpii_15` or `mpii_16`. Default by their
+    number: 17 are `coco_17`, 25 `body_25`."""
 
     normalized: bool = False
     """Whether they are shares of the image's width and height, as MediaPipe's are, not pixels."""
 
     downscale: int | None = pydantic.Field(default=None, ge=1, le=16)
-    """How much larger the images were in which keypoints were found; where nothing is said: as they were recorded."""
+    """Size of the detector's images over that of the tracked ones; default: as recorded."""
 
     least_confidence: float = pydantic.Field(default=0.3, ge=0, le=1)
-    """Keypoints of less confidence, a share of 1, are left out."""
+    """Least confidence of a keypoint, 0 to 1."""
 
     def opened(self, rig: Rig) -> KeypointViews:
         """The files of all views.
 
         Raises:
-            SequenceError: one is missing or no file of keypoints, or two have other keypoints.
+            SequenceError: one is missing or not a file of keypoints, or two have other keypoints.
         """
         return KeypointViews.open(self.path, rig.names, self.names, self.layout)
 
     def checked(self, rig: Rig) -> KeypointViews:
-        """The files of all views, looked at before the first frame.
+        """The files of all views, checked before the first frame.
 
         Raises:
-            SequenceError: as `opened` does, or the keypoints are no pixels of these images.
+            SequenceError: as for `opened`, or the keypoints are not pixels of these images.
         """
         if self.normalized and self.downscale is not None:
             raise SequenceError("normalized keypoints are shares of any image: leave downscale out")
@@ -186,12 +185,12 @@ class KeypointFiles:
         return views
 
     def found(self, views: KeypointViews, frame: Frame, rig: Rig) -> list[Array]:
-        """What was found in the images of one frame; see `KeypointViews.at`."""
+        """Detections in the images of one frame; see `KeypointViews.at`."""
         return views.at(frame, rig, self.downscale, self.least_confidence, self.normalized)
 
 
 def _in_pixels(told: Array, camera: Camera, downscale: int | None, normalized: bool) -> Array:
-    """Keypoints (..., 2) as a file tells them, in pixels of the images that are tracked."""
+    """Keypoints (..., 2) of a file, in pixels of the tracked images."""
     recorded = told * (np.array(camera.size) * camera.downscale) if normalized else told
     # pixel centres lie at integer coordinates
     pixels: Array = (recorded + 0.5) / (downscale or camera.downscale) - 0.5
@@ -257,24 +256,23 @@ def _told(order: Order) -> str:
 
 
 _BONES = (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"))
-"""Ends of what a limb of a person is made of, on both sides."""
+"""Ends of the bones of a person's limbs, on both sides."""
 
 _N_FRAMES = 3
-"""Frames that are looked at, spread over all."""
+"""Frames to measure, spread over all."""
 
 _OTHER, _SAME = 0.3, 0.15
-"""Natural logarithm of how much longer or shorter limbs are, on average, from where on keypoints are others than they
-are taken for, and up to which they are the same. BlazePose's on seven recordings have 0.03 to 0.25, taken for another
-layout 0.37 to 1.05."""
+"""Mean natural logarithm of the ratio of limb lengths from which on keypoints have another layout, and up to which they
+have this one. BlazePose's on seven recordings have 0.03 to 0.25, taken for another layout 0.37 to 1.05."""
 
 
 def fitting_layout(files: KeypointFiles, rig: Rig, body: BodyModel) -> str | None:
-    """The layout as which keypoints fit a body, where their number alone told another one, as which they do not fit.
+    """The layout that fits a body, if the number of keypoints gave another one that does not fit.
 
-    None where all is well, and where no layout fits: few views show the same person at the same number.
+    None if all is well, and if no layout fits: few views show the same person at the same number.
 
     Raises:
-        SequenceError: a file is none of keypoints.
+        SequenceError: it is not a file of keypoints.
     """
     views = files.opened(rig)
     if not views.order.by_number or not views.order.others or _off(views, files, rig, body) <= _OTHER:
@@ -284,7 +282,7 @@ def fitting_layout(files: KeypointFiles, rig: Rig, body: BodyModel) -> str | Non
 
 
 def _off(views: KeypointViews, files: KeypointFiles, rig: Rig, body: BodyModel) -> float:
-    """How far lengths of limbs are from the body's in some frames, mean logarithm; NaN where none is seen."""
+    """Mean logarithmic difference of limb lengths from the body's in some frames; NaN if none is seen."""
     other_side, groups = swapped_sides(views.names, body.mirror), limbs(views.names, body)
     numbers = views.sources[0].numbers
     lengths = [np.zeros(0)]
@@ -297,7 +295,7 @@ def _off(views: KeypointViews, files: KeypointFiles, rig: Rig, body: BodyModel) 
 
 
 def _log_ratios(names: tuple[str, ...], points: Array, body: BodyModel) -> Array:
-    """Of the lengths of limbs whose ends are seen to the body's."""
+    """Ratios of the visible limbs' lengths to the body's."""
     known = meant(names, body)
     place = {names[row]: k for k, row in enumerate(known.rows)}
     ends = [(f"{side}_{upper}", f"{side}_{lower}") for side in ("left", "right") for upper, lower in _BONES]

@@ -20,7 +20,7 @@ from tracker.foundation.source_files import content_of, one_line
 
 @dataclass(frozen=True)
 class Joint:
-    """One degree of freedom, where all are zero."""
+    """One degree of freedom, with all joints at zero."""
 
     name: str
     rotates: bool
@@ -36,26 +36,26 @@ class Joint:
 
 @dataclass(frozen=True)
 class Link:
-    """What moves as one: a link with those that are fixed to it."""
+    """One moving piece: a link with those that are fixed to it."""
 
     name: str
     parent: int
-    """Number of the link it hangs on, always a smaller one; -1 for what carries all of them, the base or the world."""
+    """Number of its parent link, always a smaller one; -1 for the base or the world."""
 
     joints: tuple[Joint, ...]
     """Outermost first, one at least."""
 
     surface: ScannedSurface | None
-    """What is seen of it, in the world, where all joints are zero; None for nothing."""
+    """Its visible surface, in the world, with all joints at zero; None for none."""
 
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot where all of its joints are zero."""
+    """A robot with all of its joints at zero."""
 
     name: str
     base: str
-    """What the link is called that carries all others."""
+    """Name of the link that carries all others."""
 
     base_point: Array
     """(3,) origin of that link's frame, in the world, metres."""
@@ -68,7 +68,7 @@ class Robot:
     """Parents first."""
 
     unread: tuple[str, ...]
-    """What of the description is not, or otherwise, in this, a sentence each."""
+    """Parts of the description that differ here, or are missing, a sentence each."""
 
 
 _FREE_LIMIT = 200 * np.pi
@@ -124,7 +124,7 @@ def joined(surfaces: Sequence[ScannedSurface]) -> ScannedSurface | None:
 
 
 def assembled(name: str, nested: Sequence[Nested], free: bool, unread: Sequence[str]) -> Robot:
-    """The robot of links that are told parents first; those without joints are part of what they hang on."""
+    """The robot of links, parents first; links without joints belong to their parents."""
     frames: dict[str, Array] = {"": np.eye(4)}
     owners: dict[str, int] = {"": -1}
     surfaces: dict[int, list[ScannedSurface]] = {-1: []}
@@ -152,7 +152,7 @@ def _in_world(joint: NestedJoint, frame: Array) -> Joint:
 
 
 def mimicking(names: Mapping[str, str]) -> list[str]:
-    """What is said of joints that follow others, each by the name of the one it follows."""
+    """Remarks about joints that follow others, each by the name of the one it follows."""
     return [f'joint "{name}" follows "{other}" there, here it moves by itself' for name, other in names.items()]
 
 
@@ -162,7 +162,8 @@ _AROUND = 24
 """Corners of what is round: a chord of 24 leaves 0.9 % of the radius."""
 
 _MOST_FACES = 3000
-"""Of a mesh: visible meshes of robots have every screw, 100 000 triangles and more; see `thinned`."""
+"""Largest number of triangles of a mesh: visible meshes of robots have every screw, 100 000 triangles and more; see
+`thinned`."""
 
 _CELLS = 24
 """Cells along the longest side of a mesh that is thinned: a ball keeps 4600 triangles, none 0.3 % of its radius off."""
@@ -198,7 +199,7 @@ def capsule(radius: float, length: float) -> ScannedSurface:
 
 
 def along(start: Array, end: Array) -> tuple[Array, Rotation, float]:
-    """Middle, rotation from z, and length of what reaches from one point to another."""
+    """Middle, rotation from z, and length of a shape from one point to another."""
     way = np.asarray(end) - np.asarray(start)
     length = float(np.linalg.norm(way))
     if length == 0:

@@ -35,7 +35,7 @@ from tracker.foundation.source_files import xml_of
 Node = ElementTree.Element
 
 _MOST_INCLUDED = 100
-"""Files that one includes: more than these include one another in a ring."""
+"""Largest number of included files: more include one another in a ring."""
 
 
 @dataclass(frozen=True)
@@ -72,10 +72,10 @@ class Settings:
         return float(np.radians(value)) if self.degrees else value
 
     def rotation(self, told: dict[str, str]) -> Rotation:
-        """The orientation that an element tells, in one of five ways, or none.
+        """The orientation of an element, in one of five notations, or none.
 
         Raises:
-            ModelError: numbers that are none.
+            ModelError: numbers are wrong.
         """
         if "quat" in told:
             w, x, y, z = numbers_of(told, "quat", 4)
@@ -101,7 +101,7 @@ def settings_of(root: Node, path: Path) -> Settings:
     """The settings of a file with all that it includes.
 
     Raises:
-        ModelError: places are told in the world, as files of before 2022 may.
+        ModelError: positions are in the world, as in files before 2022.
     """
     compiler: dict[str, str] = {}
     for node in root.findall("compiler"):
@@ -171,7 +171,7 @@ def numbers_of(told: dict[str, str], key: str, count: int) -> Array:
     """Finite numbers of an attribute.
 
     Raises:
-        ModelError: something else stands there.
+        ModelError: another text stands there.
     """
     try:
         values = np.array([float(word) for word in told[key].split()])
@@ -209,7 +209,7 @@ def read_mjcf(path: Path) -> Robot:
 
 
 class _Reader:
-    """Walks through the bodies of a file."""
+    """Reads the bodies of a file."""
 
     def __init__(self, root: Node, path: Path) -> None:
         self._root, self._path, self._unread = root, path, list[str]()

@@ -125,7 +125,7 @@ def _parents_first(links: dict[str, Node], joints: Sequence[_Edge]) -> list[tupl
 
 
 def _nested(link: Node, edge: _Edge | None, visible: str, path: Path, unread: list[str]) -> Nested:
-    """A link with what is seen of it; with its shape for collisions where nothing of the other can be read."""
+    """A link with its visible shape; with its shape for collisions if the visible one cannot be read."""
     name = link.get("name", "")
     surfaces = _surfaces(link, visible, path, unread)
     if not surfaces and link.find(visible) is not None:
@@ -165,7 +165,7 @@ def _surface(visual: Node, where: str, path: Path) -> ScannedSurface:
 
 
 def _mesh_path(told: str, description: Path) -> Path:
-    """Where a mesh lies: beside the description, or in the package of ROS that lies around it."""
+    """Path of a mesh: beside the description, or in the package of ROS around it."""
     package, _, rest = told.removeprefix("package://").removeprefix("model://").partition("/")
     if "://" not in told or told.startswith("file://"):
         return description.parent / told.removeprefix("file://")
@@ -189,7 +189,7 @@ def numbers(node: Node, key: str, count: int, where: str) -> Array:
     """Finite numbers of an attribute.
 
     Raises:
-        ModelError: something else stands there.
+        ModelError: another text stands there.
     """
     text = _attribute(node, key, where)
     try:

@@ -41,7 +41,7 @@ class Calibration(Protocol):
 
         Args:
             views: the images.
-            progress: told how far it is.
+            progress: gets the progress.
 
         Raises:
             CalibrationError: the images do not show what is needed, or do not fit together.

@@ -96,7 +96,7 @@ def _inverse(normal: Array, loose: Array | None) -> Array:
     return result
 
 
-# Which parameters of the cameras the images do not determine: those to hold, and why.
+# Parameters of the cameras that the images do not determine: those to hold, and why.
 
 NamedSize = tuple[str, tuple[int, int]]
 """Name and image size, px."""
@@ -115,14 +115,14 @@ class Held:
     """Standard error from which on it counts as undeterminable."""
 
     partner: str
-    """The parameter it could not be told from."""
+    """The parameter from which it is inseparable."""
 
     correlation: float
     turns_back_px: float | None = None
     """Distance from the principal point at which the lens would image two directions in one place; None if nowhere."""
 
     at_start: bool = False
-    """Whether it is held where the adjustment began, not at 0: what has a usual value that is another."""
+    """Whether it is held at the start of the adjustment, not at 0: its usual value is another one."""
 
     def __str__(self) -> str:
         place = "where the adjustment began" if self.at_start else "at 0"
@@ -154,7 +154,7 @@ def undetermined(
 def _least_determined(
     state: State, free: Mask, covariance: Array, views: Sequence[NamedSize]
 ) -> tuple[tuple[int, int], Held] | None:
-    """The additional or interior parameter whose standard error is largest beside what it may be, if too large."""
+    """The additional or interior parameter whose standard error exceeds its limit most, if one does."""
     names = [name for name, _ in views]
     sigmas = np.sqrt(np.diag(covariance)).reshape(free.shape)
     limits = np.stack([_limits(row, size) for row, (_, size) in zip(state.cameras, views, strict=True)])
@@ -175,7 +175,7 @@ def _least_determined(
 
 
 def _turning_back(state: State, free: Mask, views: Sequence[NamedSize]) -> tuple[tuple[int, int], Held] | None:
-    """The highest radial term of a camera whose distortion turns back inside the image, as of few views it may."""
+    """The highest radial term of a camera whose distortion turns back inside the image, as it may with few views."""
     for view, (row, (name, size)) in enumerate(zip(state.cameras, views, strict=True)):
         turns_px = camera_of(row, name, size).turns_back_px
         terms = [k for k in (BundleUnknowns.K3, BundleUnknowns.K2, BundleUnknowns.K1) if free[view, k]]
@@ -212,7 +212,7 @@ def _limits(camera: Array, size: tuple[int, int]) -> Array:
 
 @dataclass(frozen=True)
 class Adjustment:
-    """An adjusted rig, with everything that tells how good it is."""
+    """An adjusted rig, with its precision."""
 
     names: tuple[str, ...]
     sizes: tuple[tuple[int, int], ...]
@@ -222,7 +222,7 @@ class Adjustment:
     """(N,) observations that are no gross errors."""
 
     exchanged: Mask
-    """(N,) observations whose bar had its ends exchanged in that view."""
+    """(N,) observations with the bar's ends exchanged in that view."""
 
     errors: Array
     """(N, 2) observed minus projected, px; NaN where a point is not determined."""
@@ -245,7 +245,7 @@ class Adjustment:
     """Standard errors over those of independent residuals, the median: more than 1 if pictures of a board disagree."""
 
     bent_m: float = 0.0
-    """By how much the board seems not to be flat, or not as printed; 0 if within the noise."""
+    """Deformation of the board, or difference from its print; 0 if within the noise."""
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
@@ -317,13 +317,13 @@ class Measure:
 
 @dataclass(frozen=True)
 class Calibrated:
-    """What a calibration found."""
+    """Outcome of a calibration."""
 
     kind: str
     """Component that made it, for instance `reference_bar`."""
 
     adjustment: Adjustment
-    """The bundle adjustment, in the world frame asked for."""
+    """The bundle adjustment, in the chosen world frame."""
 
     n_objects: int
     """Bar positions, board poses or points."""
@@ -332,16 +332,16 @@ class Calibrated:
     """Figures such as the RMS error of hold-out bars."""
 
     advice: tuple[str, ...] = ()
-    """What a better recording would do."""
+    """Advice for a better recording."""
 
     world: str = ""
-    """Where the world frame comes from."""
+    """Source of the world frame."""
 
     scale: str = ""
-    """What tells the scale, for instance `square_m = 0.054`."""
+    """Source of the scale, for instance `square_m = 0.054`."""
 
     found_out: str = ""
-    """What was not told and found out, as a configuration would tell it."""
+    """Settings that were open and were found, in the form of a configuration."""
 
     pictures: dict[str, Image] = field(default_factory=dict)
     """A picture of each view with what was found in it."""
@@ -351,5 +351,5 @@ class Calibrated:
 
     @cached_property
     def rig(self) -> Rig:
-        """The cameras in the world frame asked for."""
+        """The cameras in the chosen world frame."""
         return Rig(self.adjustment.cameras)

@@ -1,4 +1,4 @@
-"""The two targets of a reference bar in all views and frames: detected, followed and told apart."""
+"""The two targets of a reference bar in all views and frames: detected, followed and distinguished."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ _GATE_PX = 12.0
 
 @dataclass(frozen=True)
 class BarImages:
-    """Where the views show the ends of a bar."""
+    """Images of the ends of a bar."""
 
     names: tuple[str, ...]
     sizes: tuple[tuple[int, int], ...]
@@ -153,7 +153,7 @@ class BarImages:
 
 
 class TargetSettings(Protocol):
-    """How targets look."""
+    """Appearance of targets."""
 
     @property
     def target(self) -> str: ...

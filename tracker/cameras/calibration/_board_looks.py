@@ -1,4 +1,4 @@
-"""What pictures show where the board of the configuration is not seen in them: which board is."""
+"""Finds the board in pictures that do not show the configured one."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ _FEWEST_MARKERS = 3
 _WIDTHS = range(3, 21)
 """Squares in a row that are tried."""
 _USUAL_MARKER = 0.75
-"""Side of a marker in squares, where none is told: as most generators print them."""
+"""Default side of a marker in squares: as most generators print them."""
 _NEAR = 2
-"""Columns and rows together by which a chessboard differs whose squares were counted, or half of them, for corners."""
+"""Differences of columns and rows of a chessboard if squares were counted for corners, all or half of them."""
 _LARGE_PX = 20.0
 """A marker's side from which on its share of a square is measured: to some per cent."""
 
@@ -48,7 +48,7 @@ class Sighting:
     mirrored: bool = False
 
     def is_meant(self, wanted: Pattern) -> bool:
-        """Whether it can only be the wanted board: another chessboard may be the floor of the room, or its tiles."""
+        """Whether it can only be the configured board: another chessboard may be the room's floor, or its tiles."""
         alike = (self.pattern.marker is None) == (wanted.marker is None)
         return self.pattern.marker is not None or (alike and _apart(_as_wanted(self.pattern, wanted), wanted) <= _NEAR)
 
@@ -84,7 +84,7 @@ def _quoted(value: int | str) -> str:
 
 
 def told_of(pictures: Sequence[Image], wanted: Pattern) -> str:
-    """What pictures without the wanted board show instead; empty where that is nothing."""
+    """Message about other boards in pictures; empty if they show none."""
     found = sighting(pictures, wanted)
     if found is not None:
         return found.told(wanted)
@@ -115,7 +115,7 @@ def sighting(pictures: Sequence[Image], wanted: Pattern) -> Sighting | None:
 
 
 def chessboards(picture: Image, wanted: Pattern) -> Iterator[Sighting]:
-    """The largest chessboard of about the wanted size, which may be told in squares; of a part of it others are."""
+    """The largest chessboard of about the configured size, perhaps given in squares; smaller ones are parts of it."""
     columns, rows = wanted.size
     near = [(columns + a, rows + b) for a, b in itertools.product((1, 0, -1), repeat=2)]
     for inverted in (wanted.inverted, not wanted.inverted):
@@ -168,15 +168,15 @@ def _with_any_markers(shown: Image, wanted: Pattern) -> Iterator[tuple[Pattern, 
 
 
 def _likely(numbers: Integers) -> Mask:
-    """Which markers are of a board: numbers far above the others are of what looks like a marker."""
+    """Markers of a board: numbers far above the others belong to other things that look like markers."""
     likely: Mask = numbers <= 2 * np.median(numbers) + 10
     return likely
 
 
 def charuco_of_most(shown: Sequence[Image], dictionary: str) -> Pattern | None:
-    """The ChArUco board of a kind of markers of which grey pictures together show most corners; None for none.
+    """The ChArUco board that shows most corners in grey pictures together, for a kind of markers; None for none.
 
-    A single picture may lack the last markers, which tell how many rows there are.
+    A single picture may lack the last markers, which show the number of rows.
     """
     names = next(names for names in families().values() if dictionary in names)
     seen = [(one, *markers_in(one, names[-1])) for one in shown]
@@ -252,10 +252,10 @@ def shown_share(picture: Image, pattern: Pattern) -> float | None:
 
 
 _ANY = Pattern(9, 6)
-"""Any board is looked for; of equals, one of about this size is preferred."""
+"""It finds any board; among equals, one of about this size is preferred."""
 
 _SHARE_STEP = 0.01
-"""Pictures tell the share of a square that a marker has to about so much."""
+"""Accuracy of a marker's share of a square in pictures."""
 
 
 Pictures = list[tuple[str, Image]]
@@ -267,7 +267,7 @@ class FoundBoard:
     """A board, and who sees it."""
 
     pattern: Pattern
-    """Its marker's side is told by the pictures, to some per cent."""
+    """The pictures give its marker's side to some per cent."""
 
     n_pictures: dict[str, int]
     """View -> pictures that were looked at."""
@@ -280,7 +280,7 @@ class FoundBoard:
 
     @property
     def both_sides(self) -> bool:
-        """Whether a view sees it the right way round, and some view mirrored."""
+        """Whether a view sees it the right way round, and whether one sees it mirrored."""
         return any(self.n_mirrored.values()) and any(self.n_seen[name] > self.n_mirrored[name] for name in self.n_seen)
 
 
@@ -327,7 +327,7 @@ def _first_seen(pictures: list[Image], progress: Progress) -> Sighting:
 
 
 def _most_seen(first: Sighting, pictures: Pictures) -> Pattern:
-    """The ChArUco board of the same kind of markers of which all pictures together show most corners."""
+    """The ChArUco board of the same kind of markers that shows most corners in all pictures together."""
     pattern = first.pattern
     shown = [255 - picture if pattern.inverted else picture for _, picture in pictures]
     if first.mirrored:
@@ -346,7 +346,7 @@ def _measured(pattern: Pattern, pictures: Pictures) -> Pattern:
 
 
 def _sides_seen(picture: Image, pattern: Pattern) -> tuple[bool, bool]:
-    """Whether a picture shows a ChArUco board, and whether only mirrored."""
+    """Whether a picture shows a ChArUco board, and whether only a mirrored one."""
     if len(find_board(picture, pattern)[0]) >= FEWEST_CORNERS:
         return True, False
     mirrored = len(find_board(np.ascontiguousarray(picture[:, ::-1]), pattern)[0]) >= FEWEST_CORNERS
@@ -364,4 +364,4 @@ def _usual_size(first: Pattern, pictures: Pictures) -> Pattern:
 
 
 _FEWEST_ROWS = 3
-"""Inner corners in a row, of which a board that is calibrated with has at least."""
+"""Least number of inner corners in a row of a board for calibration."""

@@ -26,16 +26,16 @@ PAPERS = {
 """Widths and heights, mm (ISO 216; ANSI/ASME Y14.1)."""
 
 _MARGIN_MM, _FOOT_MM = 14.0, 24.0
-"""That printers leave white, and that rulers and words take at the foot."""
+"""Margins that printers leave white, and that rulers and words take at the foot."""
 
 _RIM_MM = 4.0
 """Around a board that is white on black."""
 
 _RULER_MM = 100.0
-"""Of the scale that a user lays a ruler on."""
+"""Length of the scale for a ruler."""
 
 _MM_PER_INCH = 25.4
-"""Figures are told in inches."""
+"""Figures are in inches."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class BoardPrint:
     square_mm: float
     paper: str = "a4"
     back: bool = False
-    """Whether a second page shows the same board as if seen through the paper, for printing on both sides."""
+    """Whether a second page shows the same board seen through the paper, for printing on both sides."""
 
     @property
     def page_mm(self) -> tuple[float, float]:
@@ -151,7 +151,7 @@ def dark_cells(pattern: Pattern) -> tuple[Array, Array, Mask]:
 
 
 def _squares(pattern: Pattern) -> tuple[int, int]:
-    """Columns and rows of squares; a chessboard is told in inner corners."""
+    """Columns and rows of squares; a chessboard has its inner corners."""
     outside = 1 if pattern.marker is None else 0
     return pattern.columns + outside, pattern.rows + outside
 

@@ -63,8 +63,8 @@ def board_start(
         turns: (4, 4) motions of the board after which it looks as before; see `_board_order`.
 
     Raises:
-        CalibrationError: a camera saw too few boards, or none together with the others, or boards that do not tell its
-            focal length, or not the board that the others saw.
+        CalibrationError: a camera saw too few boards, or none together with the others, or boards that do not show its
+            focal length, or not the board of the others.
     """
     cameras = _cameras(seen, names, sizes, lens)
     camera_from_board = {key: _pose(cameras[key[0]], *found) for key, found in seen.items()}
@@ -241,14 +241,14 @@ _LOOKED_AGAIN = (16, 128, 1024)
 _KEPT, _LOOKED_AT = 6, 2
 """Pictures of a view that are kept, spread over the recording; those of each view that are looked at on the way."""
 _SHARES, _AT_ODDS = 5, 0.1
-"""Boards whose markers are measured, and the share by which the told size may differ: pictures tell it to 3 %."""
+"""Boards with measured markers, and the largest share by which the given size may differ: pictures show it to 3 %."""
 
 
 class BoardSearch:
-    """What was seen of a board so far.
+    """Observations of a board so far.
 
     Raises:
-        CalibrationError: as soon as the pictures show another board than the one that is looked for.
+        CalibrationError: as soon as the pictures show another board than the configured one.
     """
 
     def __init__(self, names: Sequence[str], patterns: Sequence[Pattern], square_m: float, both_sides: bool) -> None:
@@ -256,7 +256,7 @@ class BoardSearch:
         """Corners in the board's frame, metres, and their pixels, by view and frame."""
 
         self.patterns = tuple(patterns)
-        """How the board may look: one pattern, as soon as a picture has told which."""
+        """Possible patterns of the board: one, as soon as a picture has decided."""
 
         self._names, self._square_m, self._both_sides = names, square_m, both_sides
         self._kept: list[list[Image]] = [[] for _ in names]
@@ -305,7 +305,7 @@ class BoardSearch:
         return found[best]
 
     def _both(self, image: Image, pattern: Pattern) -> tuple[Integers, Array]:
-        """As `find_board`, of the back of the board as well if it has one."""
+        """As `find_board`, also for the back of the board if it has one."""
         numbers, pixels = find_board(image, pattern)
         if self._both_sides and len(numbers) < FEWEST_CORNERS:
             numbers, pixels = find_board(np.ascontiguousarray(image[:, ::-1]), pattern)
@@ -326,7 +326,7 @@ class BoardSearch:
         return False
 
     def _measure_markers(self, image: Image) -> None:
-        """Compares the told size of the markers with what the first pictures show."""
+        """Compares the given size of the markers with the first pictures."""
         told = self.patterns[0].marker
         share = None if told is None or len(self._shares) >= _SHARES else shown_share(image, self.patterns[0])
         if share is None or told is None:

@@ -1,4 +1,4 @@
-"""Chessboards and ChArUco boards in images, and what views that see the same board tell of one another."""
+"""Chessboards and ChArUco boards in images, and the relative positions of views that see the same board."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _BESIDE, _BEYOND = 0.35, 0.8
 
 @dataclass(frozen=True)
 class Pattern:
-    """How a board looks: a chessboard of so many inner corners, or a ChArUco board of so many squares."""
+    """Pattern of a board: a chessboard of so many inner corners, or a ChArUco board of so many squares."""
 
     columns: int
     rows: int
@@ -33,7 +33,7 @@ class Pattern:
     """Side of a marker, in squares; None for a plain chessboard."""
 
     dictionary: str = ""
-    """Of the markers, for instance `4x4_50`."""
+    """Dictionary of the markers, for instance `4x4_50`."""
 
     legacy: bool = False
     """ChArUco: whether it begins with a white square where the number of rows is even, as of OpenCV before 4.6."""
@@ -97,7 +97,7 @@ def find_corners(image: Image, size: tuple[int, int]) -> Array | None:
 
 
 def goes_on(image: Image, corners: Array, size: tuple[int, int]) -> bool:
-    """Whether a chessboard has more inner corners than the (N, 2) found: those of a part of it tell wrong places."""
+    """Whether a chessboard has more inner corners than the (N, 2) found: those of a part of it are wrong."""
     grey = plain_grey(image).astype(np.float32)
     columns, rows = size
     plan = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2).astype(np.float64)
@@ -215,7 +215,7 @@ _ANOTHER = 0.2
 
 @dataclass(frozen=True)
 class Link:
-    """How one camera lies to another."""
+    """Position of one camera against another."""
 
     motion: Array
     """(4, 4) from the second camera to the first."""
@@ -289,7 +289,7 @@ def _gaps(motions: Array, others: Array) -> Array:
 
 
 def check_ends(links: dict[tuple[int, int], Link], names: Sequence[str]) -> None:
-    """Whether the frames tell which end of a board is which that looks the same from several.
+    """Whether the frames distinguish the ends of a board that looks the same from several.
 
     Raises:
         CalibrationError: two views have too few of them, or the board did not move.

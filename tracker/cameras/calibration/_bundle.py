@@ -43,7 +43,7 @@ class Observations:
         return len(self.views)
 
     def chosen(self, these: Mask) -> Observations:
-        """Those of a mask (N,)."""
+        """Rows of a mask (N,)."""
         return Observations(self.views[these], self.points[these], self.pixels[these], self.velocities[these])
 
     def counted(self, used: Mask, n_points: int) -> Integers:
@@ -53,7 +53,7 @@ class Observations:
 
 @dataclass(frozen=True)
 class State:
-    """What an adjustment changes."""
+    """Unknowns of an adjustment."""
 
     cameras: Array
     """(V, 26), see `tracker.cameras.calibration._objects`."""
@@ -63,7 +63,7 @@ class State:
 
 @dataclass(frozen=True)
 class Noise:
-    """How an adjustment judges residuals."""
+    """Weights of residuals."""
 
     sigma_px: float
     """Standard deviation of an image coordinate."""
@@ -229,7 +229,7 @@ def solved(equations: NormalEquations, free: Mask) -> Array | None:
 
 
 def noise_of(errors: Array, used: Mask | None = None) -> float:
-    """Standard deviation of an image coordinate from (N, 2) residuals most of which are right, px."""
+    """Standard deviation of an image coordinate from (N, 2) residuals, most of them right, px."""
     values = np.abs(errors if used is None else errors[used])
     values = values[np.isfinite(values)]
     if not len(values):
@@ -240,17 +240,16 @@ def noise_of(errors: Array, used: Mask | None = None) -> float:
 # Standard errors of cameras that boards calibrate: what is independent are the board's positions, not its corners.
 #
 # The residuals of a picture belong together: blur, a lens that the model does not quite follow and a board that is not
-# quite flat shift neighbouring corners alike. Least squares take every corner for a witness of its own, and tell
-# standard errors of a third of what they are (`tests/test_correlated.py`). They are had from leaving out each position
-# in turn: the jackknife over clusters, here of the linearized equations (MacKinnon & White 1985; Bell & McCaffrey
-# 2002).
+# quite flat shift neighbouring corners alike. Least squares take every corner as independent, and give standard errors
+# of a third of the true ones (`tests/test_correlated.py`). They are had from leaving out each position in turn: the
+# jackknife over clusters, here of the linearized equations (MacKinnon & White 1985; Bell & McCaffrey 2002).
 #
-# A board that is bent is bent in all positions, which no scatter tells. How much its corners would have to be off for
-# the residuals is estimated beside the cameras; what that would do to them counts as their uncertainty.
+# A board that is bent is bent in all positions, which no scatter tells. The displacements of its corners that would
+# explain the residuals are estimated beside the cameras; their effect on these counts as uncertainty.
 
 _CHANCE = 1e-3
-"""Of taking noise for a deformation of the board, one of four, by Student's t of as many positions. With seven it is
-more, as each of them tells much of the interior: 1 of 16 flat boards seemed 0.1 mm bent."""
+"""Probability of taking noise for a deformation of the board, one of four, by Student's t of as many positions. With
+seven it is more, because each of them says much about the interior: 1 of 16 flat boards seemed 0.1 mm bent."""
 
 Inverse = Callable[[Array], Array]
 """Inverse of a normal matrix of the cameras' unknowns."""
@@ -258,13 +257,13 @@ Inverse = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Scatter:
-    """What the positions of a board tell of the precision of the cameras."""
+    """Precision of the cameras by the positions of a board."""
 
     covariance: Array
     """(F, F) of the free unknowns."""
 
     bent_m: float
-    """How far the board's corners seem to be from where they should be, at most; 0 if that is within the noise."""
+    """Largest apparent displacement of the board's corners; 0 if that is within the noise."""
 
 
 def scatter(state: State, observations: Observations, weights: Array, free: Mask, inverse: Inverse) -> Scatter:

@@ -22,7 +22,7 @@ _SQUARE = 0.1
 """Share of the mean by which the sides of a marker may differ."""
 
 _ANY = Pattern(9, 6)
-"""Any chessboard is looked for; of equals, one of about this size is preferred."""
+"""It finds any chessboard; among equals, one of about this size is preferred."""
 
 
 @dataclass(frozen=True)
@@ -128,6 +128,6 @@ def _fitting(rig: Rig, pixels: Array) -> Array | None:
 
 
 def _rms(off: Array) -> float:
-    """Of what is known of distances (..., 2)."""
+    """Entries of known distances (..., 2)."""
     squares = (off**2).sum(axis=-1)
     return float(np.sqrt(np.nanmean(squares))) if np.isfinite(squares).any() else np.inf

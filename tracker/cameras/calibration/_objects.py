@@ -1,4 +1,4 @@
-"""What is seen while calibrating: bars of known length, boards of known shape, points of known position.
+"""Objects seen in a calibration: bars of known length, boards of known shape, points of known position.
 
 Each object has six unknowns; see `tracker.kernels.adjustment`.
 """
@@ -114,7 +114,7 @@ def rigid_motions(states: Array) -> Array:
 
 
 class CalibrationObjects(Protocol):
-    """Objects in space whose points the cameras see."""
+    """Objects in space with points that the cameras see."""
 
     @property
     def points(self) -> Array:
@@ -137,11 +137,11 @@ class CalibrationObjects(Protocol):
         ...
 
     def determined(self, counted: Integers) -> Mask:
-        """(P,) points whose images, `counted` (P,) of each, determine where they are; those of others say nothing."""
+        """(P,) points with enough images, `counted` (P,) of each; other points say nothing."""
         ...
 
     def conditions(self, counted: Integers) -> tuple[Array, Array, Array]:
-        """What is known of the objects beside their images.
+        """Knowledge of the objects beside their images.
 
         Args:
             counted: (P,) number of views that observe each point.
@@ -194,7 +194,7 @@ class Bars:
 
     @property
     def fixes_datum(self) -> bool:
-        """Bars tell the scale alone."""
+        """Bars give only the scale."""
         return False
 
     def determined(self, counted: Integers) -> Mask:
@@ -268,7 +268,7 @@ class Boards:
 
     @property
     def fixes_datum(self) -> bool:
-        """Boards tell the scale alone."""
+        """Boards give only the scale."""
         return False
 
     def _posed(self, counted: Integers) -> Mask:
@@ -303,7 +303,7 @@ class Boards:
 
 @dataclass(frozen=True)
 class MeasuredPoints:
-    """Points whose positions were measured, each with the same standard deviation in every direction."""
+    """Points with measured positions, each with the same standard deviation in every direction."""
 
     positions: Array
     """(P, 3) metres, as adjusted."""

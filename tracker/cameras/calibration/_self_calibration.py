@@ -1,4 +1,4 @@
-"""The whole adjustment: gross errors found, precision told, and what cannot be determined named and held."""
+"""The whole adjustment: finds gross errors, gives the precision, and names and holds undetermined parameters."""
 
 from __future__ import annotations
 
@@ -130,18 +130,18 @@ _OFFSET = GROUPS["time_offset"][0]
 _ALLOWED_FRAMES, _FEWEST_MOVING = 0.5, 20
 
 NOTICED_FRAMES, NOTICED_SIGMAS = 0.03, 5.0
-"""From such a time offset on it is determined with the rest, lest it spoils them."""
+"""Time offset from which on it is determined with the rest, so that it does not spoil them."""
 
 
 def time_offsets(state: State, observations: Observations, sigma_px: float) -> tuple[Array, Array]:
-    """By how much each camera lags behind the others' median, frames, and the standard errors.
+    """Delay of each camera against the others' median, frames, and the standard errors.
 
     The image of a target at the time of exposure is shifted by lag times velocity; the lag is adjusted along with the
     exterior orientations, camera constants and first radial distortions.
 
     Args:
         state: cameras and bars near the solution.
-        observations: images with velocities; what does not move tells nothing.
+        observations: images with velocities; still ones say nothing.
         sigma_px: noise of an image coordinate.
 
     Returns:

@@ -46,7 +46,7 @@ class Pair:
 
     @property
     def good(self) -> bool:
-        """Whether no other pair need be looked at."""
+        """Whether no other pair is needed."""
         return self.n_fitting > 0.6 * self.n_shared and self.spread < 0.05
 
 

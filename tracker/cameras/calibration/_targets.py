@@ -13,7 +13,7 @@ from tracker.foundation.arrays import Array, Image, Mask
 
 # A choice: a ray every 7.5 degrees, read eight times a pixel.
 _N_RAYS, _STEP_PX = 48, 0.125
-# Of the profiles along the rays: about what lens and sensor do anyway.
+# Smoothing of the profiles along the rays: about as much as by lens and sensor.
 _EDGE_SMOOTHING_PX = 1.0
 # A third of the rays: an ellipse has five unknowns, and a third of an outline still spans it.
 _FEWEST_EDGES = 16
@@ -33,7 +33,7 @@ class Target:
     """Grey levels between target and surroundings."""
 
     rms_px: float
-    """Of the edge points about the ellipse."""
+    """Tolerance of the edge points about the ellipse."""
 
 
 Measure = Callable[[tuple[float, float], float], Target | None]

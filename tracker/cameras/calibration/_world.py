@@ -31,7 +31,7 @@ def square_fault(length_m: float) -> str | None:
 
 
 def bar_fault(length_m: float) -> str | None:
-    """Why a bar that somebody carries cannot be so many metres long; None if it can."""
+    """Why a hand-carried bar cannot be so many metres long; None if it can."""
     return _fault(length_m, (0.1, 5.0), 10.0, "a bar")
 
 
@@ -47,7 +47,7 @@ def focal_fault(focal_px: float, view: str, size: tuple[int, int]) -> str | None
 
 
 def _fault(length_m: float, usual_m: tuple[float, float], most_m: float, thing: str) -> str | None:
-    """That a thing is longer than `most_m`, with what it would be in other units where that is usual."""
+    """Message that a thing is longer than `most_m`, with its length in other units if that is usual."""
     if length_m <= most_m:
         return None
     offers = [
@@ -65,7 +65,7 @@ _MISPLACED = 0.1
 
 @component
 class WorldFrame:
-    """Where the world's origin and axes are; with nothing given, in the middle of what was seen, level as the cameras.
+    """Origin and axes of the world; by default in the middle of the observed points, level as the cameras.
 
     Give one of: both bar frames, `points`, or `board`.
     """
@@ -110,7 +110,7 @@ class WorldFrame:
             The moved rig, world_from_rig (4, 4), and where the frame comes from.
 
         Raises:
-            CalibrationError: what should tell the frame is not seen or does not tell it.
+            CalibrationError: the objects of the frame are not seen or do not define it.
         """
         given = [self.x_bar_frame is not None or self.y_bar_frame is not None, bool(self.points), bool(self.board)]
         if sum(given) > 1:
@@ -189,7 +189,7 @@ def _from_one_end(rig: Rig, corners: Array, plan: Array, orders: list[Integers])
 
 
 def _shown_instead(pictures: list[Image], size: tuple[int, int]) -> str:
-    """A chessboard of another size that pictures show, as the configuration would tell it."""
+    """A chessboard of another size in the pictures, in the form of a configuration."""
     found = sighting(pictures, Pattern(*size))
     if found is None or found.pattern.marker is not None:
         return ""
@@ -259,7 +259,7 @@ def _from_points(rig: Rig, path: Path) -> Array:
     error = np.linalg.norm(points[good] @ motion[:3, :3].T + motion[:3, 3] - positions[good], axis=1)
     span = np.linalg.svd(positions[good] - positions[good].mean(axis=0), compute_uv=False)
     if span[1] < 0.05 * span[0]:
-        raise CalibrationError(f"{path}: the points lie on a line, which tells no frame; add one beside it")
+        raise CalibrationError(f"{path}: the points lie on a line, which defines no frame; add one beside it")
     if error.max() > 0.1 * span[0]:
         raise CalibrationError(
             f"{path}: the points fit the calibrated rig to {error.max():.2f} m only: positions in metres, and in the "

@@ -29,12 +29,13 @@ __all__ = ["BoardImages", "ChessboardCalibration"]
 Group = Literal["camera_constant", "principal_point", "affinity", "radial", "decentring"]
 
 _WIDE_DEG, _BAD_FIT = 80.0, 1.5
-"""Of a view's width, and times sigma_px: three radial terms follow a fisheye lens no farther."""
+"""Largest residual, as a share of a view's width, and times sigma_px: three radial terms follow a fisheye lens no
+farther."""
 
 
 @dataclass(frozen=True)
 class BoardImages:
-    """Where the views show the corners of a board."""
+    """Images of the corners of a board."""
 
     names: tuple[str, ...]
     sizes: tuple[tuple[int, int], ...]
@@ -46,7 +47,7 @@ class ChessboardCalibration:
     """Calibration from a flat board of known squares, moved and tilted before the cameras."""
 
     single_views: ClassVar[bool] = True
-    """Frames that only one camera has tell its interior; see `running.jobs.calibrate.CalibrateJob.interiors`."""
+    """Frames of only one camera determine its interior; see `running.jobs.calibrate.CalibrateJob.interiors`."""
 
     columns: int = pydantic.Field(default=9, ge=3)
     """Chessboard: inner corners along a row. ChArUco: squares along a row. A number, no unit."""
@@ -55,7 +56,7 @@ class ChessboardCalibration:
     """Chessboard: rows of inner corners. ChArUco: rows of squares."""
 
     square_m: float = pydantic.Field(gt=0)
-    """Side of a square, metres; it tells the scale."""
+    """Side of a square, metres: the scale."""
 
     marker_m: float | None = pydantic.Field(default=None, gt=0)
     """ChArUco: side of a marker, metres; None for a plain chessboard."""
@@ -65,7 +66,7 @@ class ChessboardCalibration:
 
     legacy: bool | None = None
     """ChArUco with an even number of rows: whether it begins with a white square, as OpenCV drew it before 4.6; None:
-    the pictures tell."""
+    the pictures decide."""
 
     inverted: bool = False
     """Whether the board is printed white on black."""
@@ -137,7 +138,7 @@ class ChessboardCalibration:
         )
 
     def _check_focal_lengths(self, adjustment: Adjustment) -> None:
-        """A camera constant that was held is a guess here, for nobody has told one."""
+        """A camera constant that was held is a guess here, because none was given."""
         open_ = [held.camera for held in adjustment.held if held.parameter == "camera constant"]
         if open_:
             raise CalibrationError(
@@ -146,7 +147,7 @@ class ChessboardCalibration:
             )
 
     def _about_the_lens(self, adjustment: Adjustment) -> Iterator[str]:
-        """What to try where wide views fit badly."""
+        """Advice if wide views fit badly."""
         wide = [camera.name for camera in adjustment.cameras if camera.field_deg[0] > _WIDE_DEG]
         if self.lens == "pinhole" and wide and adjustment.s0 > _BAD_FIT:
             yield (
@@ -156,7 +157,7 @@ class ChessboardCalibration:
         yield from filter(None, map(told_end, adjustment.cameras))
 
     def _patterns(self) -> tuple[Pattern, ...]:
-        """How the board may look.
+        """Possible patterns of the board.
 
         Raises:
             CalibrationError: a marker is not smaller than a square, or there is no such dictionary of markers.

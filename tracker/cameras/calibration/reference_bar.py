@@ -46,7 +46,7 @@ class ReferenceBarCalibration:
     """Self-calibration from a bar with two targets a known distance apart, moved through the common volume."""
 
     length_m: float | None = pydantic.Field(default=None, gt=0)
-    """Distance of the targets' centres, metres. It alone tells the scale."""
+    """Distance of the targets' centres, metres. It alone gives the scale."""
 
     sigma_length_m: float = pydantic.Field(default=1e-4, gt=0)
     """Standard deviation of the length, metres."""

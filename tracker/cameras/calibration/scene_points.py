@@ -1,4 +1,4 @@
-"""Points in the scene whose positions were measured: every camera by resection, all of them in one adjustment."""
+"""Points in the scene with measured positions: every camera by resection, all of them in one adjustment."""
 
 from __future__ import annotations
 

@@ -35,19 +35,19 @@ class Listing:
     """The cameras that a file lists."""
 
     cameras: tuple[Camera, ...]
-    """With their places in the unit of the file."""
+    """Cameras with their positions in the unit of the file."""
 
     left_out: Mapping[str, str] = field(default_factory=dict)
     """Cameras that cannot be used, by name, and why."""
 
     remarks: tuple[str, ...] = ()
-    """What whoever uses the rig must know."""
+    """Warnings for users of the rig."""
 
     unit: str = "m"
-    """Of the cameras' places: as the file states it, else as the program that writes such files has it."""
+    """Unit of the cameras' positions: the file's own, else that of the program that writes such files."""
 
     no_unit: str = ""
-    """Why its lengths have no unit, where that is so: it must be told."""
+    """Why its lengths have no unit, if so: the user must give it."""
 
 
 class Layout(Protocol):
@@ -57,13 +57,13 @@ class Layout(Protocol):
     """Endings of the file it is written to; none if it is a folder."""
 
     shape: ClassVar[str]
-    """How to recognize it, for messages."""
+    """Mark of such a file, for messages."""
 
     terms: ClassVar[int]
     """Distortion coefficients that it can hold, 4, 5 or 8; lenses with more are fitted before `contents`."""
 
     def detects(self, path: Path) -> bool:
-        """Whether an existing file or folder is of this layout; each is of one at most."""
+        """Whether an existing file or folder has this layout; each has one at most."""
         ...
 
     def read(self, path: Path, size: tuple[int, int] | None) -> Listing:
@@ -71,7 +71,7 @@ class Layout(Protocol):
 
         Args:
             path: what `detects` has accepted.
-            size: width and height of the images, px, where the layout does not tell them.
+            size: width and height of the images, px, if the layout lacks them.
 
         Raises:
             CalibrationError: names the camera, what was found and what was expected.
@@ -79,7 +79,7 @@ class Layout(Protocol):
         ...
 
     def contents(self, rig: Rig) -> dict[str, bytes]:
-        """What is to be written: content by file name in the folder; of a single file, under the name "".
+        """Files to write: content by file name in the folder; for a single file, under the name "".
 
         Raises:
             CalibrationError: the layout cannot hold this rig.
@@ -96,10 +96,10 @@ class RigFile:
     left_out: Mapping[str, str]
     remarks: tuple[str, ...]
     unit: str = "m"
-    """That the lengths in the file were taken for."""
+    """Unit assumed for lengths in the file."""
 
     def told(self) -> tuple[str, ...]:
-        """What whoever uses the rig must know, line by line; cameras left out for one reason are named together."""
+        """Warnings for users of the rig, line by line; cameras left out for one reason are named together."""
         return (*_reasons(self.left_out), *self.remarks)
 
 
@@ -114,13 +114,13 @@ def _reasons(left_out: Mapping[str, str]) -> list[str]:
 
 
 def read_rig(path: Path, size: tuple[int, int] | None = None, units: str | None = None, scale: float = 1.0) -> RigFile:
-    """Reads a rig in any layout; which one, the path and the content tell.
+    """Reads a rig in any layout; path and content decide.
 
     Args:
         path: a file or a folder; `bodytrack rig convert --help` lists the layouts.
-        size: width and height of the images, px, where the layout does not tell them (EasyMocap).
+        size: width and height of the images, px, if the layout lacks them (EasyMocap).
         units: of the lengths in the file, `m`, `cm` or `mm`; None for what the file or its program says.
-        scale: by which lengths are multiplied besides, for files whose lengths have no unit.
+        scale: factor of lengths, for files whose lengths have no unit.
 
     Raises:
         CalibrationError: it is missing, of no known layout or wrong, or such a rig cannot be; path and camera are
@@ -206,7 +206,7 @@ def save_rig(rig: Rig, path: Path, layout: str | None = None) -> tuple[str, ...]
         layout: name of the layout; None for the first one that is written to such a file, `.toml` as Anipose does.
 
     Returns:
-        What the layout costs: lenses whose distortion has more terms than it holds are fitted to fewer.
+        Loss by the layout: lenses with more terms of distortion than it holds are fitted to fewer.
 
     Raises:
         ConfigError: there is no such layout, or it is not written to such a file.
@@ -237,4 +237,4 @@ def _layout_of(target: Path) -> str:
     for use in names:
         if _layout(use).endings and target.name.lower().endswith(_layout(use).endings):
             return use
-    raise ConfigError(f"{target}: its name does not tell the layout; name it: {', '.join(names)}")
+    raise ConfigError(f"{target}: its name does not show the layout; name it: {', '.join(names)}")

@@ -22,19 +22,19 @@ NO_POSE = "has no pose: neither rotation nor translation, only its lens was cali
 """Why a camera is left out."""
 
 _LARGEST = 1e30
-"""A number whose square may overflow further on."""
+"""Largest number: its square must not overflow later."""
 
 _LARGEST_SIZE_PX = 10**6
 """Width or height beyond any image: a number that large is something else."""
 
 _LARGEST_LENS = 1e6
-"""Of a distortion coefficient: a lens has hundredths to tens."""
+"""Largest distortion coefficient: a lens has hundredths to tens."""
 
 _ROTATION_FAULT = 1e-4
-"""Of R R^T beside the unit matrix, as of `Camera`."""
+"""Tolerance of R R^T against the unit matrix, as in `Camera`."""
 
 _ROUNDED = 0.01
-"""Of a number of a rotation: what two decimals leave open, the fewest that a rotation can be told in."""
+"""Tolerance of a number of a rotation: two decimals, the fewest that can describe one."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Entry:
 
     @property
     def posed(self) -> bool:
-        """Whether the file has an exterior orientation of it."""
+        """Whether the file has an exterior orientation for it."""
         return any(self.table.get(key) is not None for key in (self.rotation, self.translation))
 
     def numbers(self, key: str) -> Array:
@@ -213,7 +213,7 @@ def nearest_rotation(numbers: Array) -> tuple[Array, float]:
 def listing_of(
     entries: Iterable[Entry], unit: str = "m", set_aside: Mapping[str, str] | None = None, no_pose: str = NO_POSE
 ) -> Listing:
-    """What a file lists, of its entries; those without a pose are left out.
+    """The cameras of a file's entries; those without a pose are left out.
 
     Args:
         entries: one a camera.
@@ -254,7 +254,7 @@ _FREEMOCAP = re.compile(
     r"^[ \t]*(charuco_square_size|groundplane_applied|square_length_mm)[ \t]*=|[{,][ \t]*square_length_mm[ \t]*=",
     re.MULTILINE,
 )
-"""What FreeMoCap writes under its metadata: up to version 1, from 2 on."""
+"""Keys of FreeMoCap's metadata: up to version 1, from 2 on."""
 
 _CALISCOPE = re.compile(r"^[ \t]*(\[[ \t]*cameras[ \t]*[.\]]|cameras[ \t]*[.=])", re.MULTILINE)
 _CALISCOPE_OLD = re.compile(r"^[ \t]*rotation_count[ \t]*=", re.MULTILINE)
@@ -274,7 +274,7 @@ def camera_table(camera: Camera) -> dict[str, Any]:
 
 
 def toml_program(path: Path) -> str:
-    """Whose TOML file it is: the layout `caliscope`, `freemocap` or `anipose`; empty of other files."""
+    """Layout of a TOML file: `caliscope`, `freemocap` or `anipose`; empty for other files."""
     if written_in(path) != "toml":
         return ""
     text = lenient_text(path)

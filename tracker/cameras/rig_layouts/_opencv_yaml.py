@@ -17,10 +17,10 @@ from tracker.foundation.arrays import Array
 from tracker.foundation.errors import CalibrationError, shortened
 
 _MOST_NUMBERS = 64
-"""Of a matrix: a camera has none that is larger."""
+"""Largest matrix: a camera has none that is larger."""
 
 _KIND = re.compile(r"1?[ucwsifdh]")
-"""What OpenCV calls the type of a number: u, c, w, s, i of 8 to 32 bits, f, d, h of 32, 64 and 16."""
+"""OpenCV's names of number types: u, c, w, s, i of 8 to 32 bits, f, d, h of 32, 64 and 16."""
 
 _LOADER = yaml.BaseLoader
 """Words stay words: a camera called 01, no or 1e5 keeps its name."""
@@ -34,7 +34,7 @@ class OpenCvFile:
     entries: Mapping[str, yaml.Node]
 
     def has(self, key: str) -> bool:
-        """Whether there is such an entry."""
+        """Whether the entry exists."""
         return key in self.entries
 
     def names(self, key: str) -> list[str]:
@@ -64,7 +64,7 @@ class OpenCvFile:
 
 
 def _number(node: yaml.Node | None) -> float:
-    """What a scalar says, NaN if it is no number."""
+    """Value of a scalar, NaN if it is not a number."""
     try:
         return float(node.value) if isinstance(node, yaml.ScalarNode) else math.nan
     except ValueError:
@@ -102,7 +102,7 @@ def _table(node: yaml.Node | None, where: str) -> dict[str, yaml.Node]:
 
 
 def opened(path: Path) -> OpenCvFile:
-    """Opens a file, not by OpenCV, whose parser never ends on `{a: 1}:` before a list and dies of 100 000 brackets.
+    """Opens a file without OpenCV, whose parser never ends on `{a: 1}:` before a list and dies of 100 000 brackets.
 
     Raises:
         CalibrationError: it is missing, or not OpenCV's YAML.

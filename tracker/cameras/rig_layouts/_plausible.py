@@ -22,7 +22,7 @@ _GUESSED = {"m": "metres", "cm": "centimetres", "mm": "millimetres"}
 """Units that a file without a word for them may be in."""
 
 FARTHEST_M, _FAR_M = 200.0, 30.0
-"""A room is metres across: cameras hundreds of metres from one another are not believed, tens of metres are told."""
+"""A room is metres across: hundreds of metres between cameras are refused, tens of metres give a warning."""
 
 _NEAR_M = 0.02
 """Cameras all within that are not believed either, if another unit makes a room of them: lenses are as wide."""
@@ -31,11 +31,11 @@ _ROOM_M = 0.5, 60.0
 """Distance of the two cameras of a room that are farthest from one another."""
 
 _USUAL_M = 4.0
-"""Of several units that make a room, the one is named first that comes nearest to this."""
+"""If several units make a room, the one nearest to this comes first."""
 
 
 def unit_of(word: object) -> str:
-    """The sign of the unit that a word tells, such as `mm` or `millimeters`.
+    """The sign of the unit in a word such as `mm` or `millimeters`.
 
     Raises:
         CalibrationError: it is none.
@@ -69,13 +69,13 @@ def in_metres(cameras: Sequence[Camera], unit: str, scale: float = 1.0) -> tuple
 
 
 def unit_remarks(cameras: Sequence[Camera], unit: str, path: Path, told: bool) -> tuple[str, ...]:
-    """What to know where cameras stand tens of metres from one another.
+    """Warning about cameras tens of metres from one another.
 
     Args:
         cameras: with places in metres.
         unit: that the file was read in.
         path: of the file.
-        told: whether the user told the unit or the scale: who tells that cameras stand within millimetres is believed.
+        told: whether the user gave the unit or the scale: then cameras may stand within millimetres.
 
     Raises:
         CalibrationError: they stand hundreds of metres from one another, or all within millimetres although another
@@ -97,14 +97,14 @@ def unit_remarks(cameras: Sequence[Camera], unit: str, path: Path, told: bool) -
             f"file is in {_GUESSED[units[0]]}, `bodytrack rig convert {path} rig.toml --units {units[0]}` reads it so"
         )
     else:
-        line += f"if its lengths have another unit, `bodytrack rig convert {path} rig.toml --scale METRES` tells it"
+        line += f"if its lengths have another unit, use `bodytrack rig convert {path} rig.toml --scale METRES`"
     if farthest > FARTHEST_M or (units and farthest < _NEAR_M):
         raise CalibrationError(line)
     return (line,) if units else ()
 
 
 def up_remarks(cameras: Sequence[Camera]) -> tuple[str, ...]:
-    """What to know where the world of a file has another axis up than z."""
+    """Warning about a file's world with another axis up than z."""
     up = Rig(tuple(cameras)).likely_up if cameras else "z"
     if up == "z":
         return ()
@@ -115,7 +115,7 @@ def up_remarks(cameras: Sequence[Camera]) -> tuple[str, ...]:
 
 
 _SHORTEST = 1 / 20
-"""Of a focal length, in widths of the image: 168 degrees; shorter ones are in mm, or in widths."""
+"""Least focal length, in widths of the image: 168 degrees; shorter ones are in mm, or in widths."""
 
 _OFF_CENTRE, _CENTRED = 0.25, 0.1
 """Distance of the principal point from the middle, in widths and heights: of a lens that is cropped, and of most."""
@@ -142,7 +142,7 @@ def check_interior(camera: Camera) -> None:
 
 
 def interior_remarks(cameras: Sequence[Camera]) -> tuple[str, ...]:
-    """What to know of principal points far from the middle, and of names that differ by capital letters alone."""
+    """Warnings about principal points far from the middle, and about names that differ only by capital letters."""
     remarks = []
     for camera in cameras:
         if _off_centre(camera, camera.size) > _OFF_CENTRE:
@@ -171,7 +171,7 @@ _COLUMNS, _ROWS = 33, 25
 """Pixels of the image at which two lenses are compared: its corners, its edges and within."""
 
 _MOST_PX = 20.0
-"""Of what fewer terms may cost in the image: beyond, they make another lens."""
+"""Largest loss in the image by fewer terms: beyond, they make another lens."""
 
 _TERMS = {4: "k1 k2 p1 p2", 5: "k1 k2 p1 p2 k3"}
 """Distortion coefficients of layouts that hold fewer than a `Camera`, in OpenCV's order."""

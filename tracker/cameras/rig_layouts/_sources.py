@@ -1,4 +1,4 @@
-"""Files as text and tables, bounded in size, every fault one sentence; what a file is written in, its content tells."""
+"""Files as text and tables, bounded in size, every fault one sentence; their content shows the format."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _LARGEST_BYTES = 2**20
 """A camera takes 0.3 to 1 kB in every layout: a thousand cameras fit."""
 
 _LARGEST_FILE = 2**25
-"""Of a file that also has the points which its cameras were calibrated by, bytes."""
+"""Largest file that also has the points of its calibration, bytes."""
 
 _LONGEST_LINE = 10_000
-"""Of a TOML file: the time that Python's parser takes for a dotted key grows with the square of its length."""
+"""Longest line of a TOML file: the time of Python's parser for a dotted key grows with the square of its length."""
 
 _POINTS = re.compile(r"^(\s*[\w-]+\s*=\s*)\[[\[\]\d\s.,eE+\-naif]*\]\s*$")
 """A line of TOML that has a list of numbers alone: as long as that no camera has one."""
@@ -59,7 +59,7 @@ def text_of(path: Path, errors: str = "strict") -> str:
 
 
 def lenient_text(path: Path) -> str:
-    """What of a file is text, for a look at what it is; empty where there is none."""
+    """Text at the begin of a file, to recognize it; empty without text."""
     try:
         return text_of(path, "replace") if path.is_file() else ""
     except CalibrationError:
@@ -67,9 +67,9 @@ def lenient_text(path: Path) -> str:
 
 
 def written_in(path: Path) -> str:
-    """What a file is written in: `toml`, `json`, `xml`, `yaml` (OpenCV's), or nothing of these.
+    """Format of a file: `toml`, `json`, `xml`, `yaml` (OpenCV's), or nothing of these.
 
-    The content tells; its name does where the content is damaged or no text.
+    The content decides; the name does if the content is damaged or not text.
     """
     if not path.is_file():
         return ""
@@ -141,7 +141,7 @@ def json_table(path: Path) -> dict[str, Any]:
 
 
 def line_fault(text: str, number: int) -> str:
-    """Where a file cannot be read: a line by its number, from 1; 0 where none is known."""
+    """Place of a fault: a line by its number, from 1; 0 if unknown."""
     lines = text.splitlines()
     if not 1 <= number <= len(lines):
         return "it ends too early" if number > len(lines) else "a number or a sign in it cannot be read"
@@ -165,7 +165,7 @@ _NO_UNIT = (
 _LENS_ALONE = "a lens and no pose, so that no camera can be placed"
 
 _MOST_FILES = 300
-"""Of a folder that are looked at."""
+"""Largest number of a folder's entries to look at."""
 
 _MAGIC = {
     b"MATLAB 5.0": "a MATLAB file",
@@ -173,7 +173,7 @@ _MAGIC = {
     b"\x93NUMPY": "an array of numpy",
     b"PK\x03\x04": "an archive (.zip, .npz, .psz)",
 }
-"""How binary files begin that hold calibrations of other programs; Python's pickles are told by their ending."""
+"""First bytes of binary calibrations of other programs; Python's pickles have an ending."""
 
 _ENDINGS = {
     **dict.fromkeys((".c3d", ".trc", ".mot"), "a file of movements, which has no cameras"),
@@ -256,11 +256,11 @@ _ALONE = (
         (r"\A(?:[-+.\deE]+(?:[,;\t ]+[-+.\deE]+)*\s*\n){10}[-+.\deE]+(?:[,;\t ]+[-+.\deE]+)*\s*\Z",),
     ),
 )
-"""Of a file alone: a folder of the first is the layout `opencv`."""
+"""Layouts of single files: a folder of the first is the layout `opencv`."""
 
 
 def other_program(path: Path) -> str:
-    """What a file or folder is that another program made and no layout reads, and what to do; empty if it is none."""
+    """Name of another program's file or folder that no layout reads, and advice; empty for others."""
     if not path.is_dir():
         return _file(path)
     inside = path / "sparse" / "0" if (path / "sparse" / "0").is_dir() else path
@@ -275,7 +275,7 @@ def other_program(path: Path) -> str:
 
 
 _IN_FOLDERS = (".yml", ".yaml"), (".txt", ".xml", ".calib")
-"""Files of which several, in a folder, make one calibration; the second where there is none of the first."""
+"""Files of which several, in a folder, make one calibration; the second kind without any of the first."""
 
 
 def _file(path: Path) -> str:

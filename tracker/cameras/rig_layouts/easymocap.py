@@ -26,7 +26,7 @@ _FILES = ("intri.yml", "extri.yml")
 class EasyMocapLayout:
     """A folder with `intri.yml` (names, K_, dist_, and W_ and H_ where known) and `extri.yml` (R_, Rot_, T_), metres.
 
-    Files without W_ and H_ do not tell the image size.
+    Files without W_ and H_ have no image size.
     """
 
     endings: ClassVar[tuple[str, ...]] = ()

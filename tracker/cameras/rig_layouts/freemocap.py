@@ -53,12 +53,12 @@ class FreeMoCapLayout:
         return replace(listing, remarks=remarks, no_unit=no_unit)
 
     def contents(self, rig: Rig) -> dict[str, bytes]:
-        """Nothing: FreeMoCap's metadata tell of a board that is not known here."""
+        """Nothing: FreeMoCap's metadata describe a board that is not known here."""
         raise CalibrationError("FreeMoCap's calibrations are read only: choose the layout anipose")
 
 
 def _floor_remarks(metadata: dict[str, Any]) -> tuple[str, ...]:
-    """What to know where z is up by chance, as the cameras stand, and no board lay on the floor."""
+    """Warning if z is up only by chance, as the cameras stand, because no board lay on the floor."""
     if True in (metadata.get("groundplane_calibration"), metadata.get("groundplane_applied")):
         return ()
     if "groundplane_calibration" not in metadata and "groundplane_applied" not in metadata:

@@ -21,8 +21,8 @@ from tracker.foundation.errors import CalibrationError
 class MiddleburyLayout:
     """`NAME_par.txt`: a count, then a line `image K R t` for each view, row by row, metres.
 
-    Cameras are called as their images, without the ending. The file does not tell the image size: it is taken from
-    the images beside the file, and views whose images are not there are left out.
+    Cameras are called as their images, without the ending. The file has no image size: it is that of the images beside
+    the file, and views without images there are left out.
     """
 
     endings: ClassVar[tuple[str, ...]] = ("_par.txt",)

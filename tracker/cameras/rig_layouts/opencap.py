@@ -20,10 +20,10 @@ from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import CalibrationError, os_fault
 
 _MOST_STEPS = 5000
-"""Of a pickle: a camera takes 120."""
+"""Most entries of a pickle: a camera takes 120."""
 
 _MOST_NUMBERS = 64
-"""Of an array."""
+"""Most bytes of an array."""
 
 _NAMED = re.compile(r"numpy\.(?:_?core\.)?(?:multiarray |numeric |)(_reconstruct|_frombuffer|scalar|ndarray|dtype)")
 _KIND = re.compile(r"[<>=|]?([fiu][1248])")
@@ -33,7 +33,7 @@ _MARK = object()
 
 @dataclass
 class _Name:
-    """What a pickle wants to have called."""
+    """Functions that a pickle calls."""
 
     name: str
 
@@ -48,14 +48,14 @@ class _Kind:
 
 @dataclass
 class _Array:
-    """An array, told in two steps: that it is one, and what is in it."""
+    """An array, described in two steps: its existence, and its content."""
 
     values: Any = None
 
 
 @dataclass
 class _Stack:
-    """What has been read of a pickle so far."""
+    """State of reading a pickle."""
 
     values: list[Any] = field(default_factory=list)
     memo: dict[int, Any] = field(default_factory=dict)
@@ -159,7 +159,7 @@ def _named(words: str) -> _Name:
 
 
 def _reduced(called: Any, arguments: Any) -> Any:
-    """What numpy's ways to tell of an array stand for."""
+    """Meaning of numpy's type codes."""
     name = called.name if isinstance(called, _Name) else ""
     if name == "encode":  # bytes in the second protocol
         text, encoding = arguments
@@ -200,7 +200,7 @@ def _filled(kind: _Kind, shape: tuple[int, ...], by_columns: bool, content: byte
 _FILE = "cameraIntrinsicsExtrinsics.pickle"
 _KEYS = "intrinsicMat", "distortion", "rotation", "translation"
 _LARGEST_BYTES = 2**16
-"""Of a file: a camera takes 1 kB."""
+"""Most bytes of a file: a camera takes 1 kB."""
 
 
 @component

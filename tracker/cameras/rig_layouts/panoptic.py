@@ -21,7 +21,7 @@ _KEYS = "K", "distCoef", "R", "t"
 class PanopticLayout:
     """`calibration_SEQUENCE.json` with `cameras`, a list of name, resolution, K, distCoef, R and t; centimetres.
 
-    The world has -y up and the floor at 0. Whatever `type` a camera has is read: choose by `views`.
+    The world has -y up and the floor at 0. Cameras of any `type` are read: choose by `views`.
     """
 
     endings: ClassVar[tuple[str, ...]] = (".json",)

@@ -18,7 +18,7 @@ from tracker.foundation.configuration.components import component
 from tracker.foundation.errors import CalibrationError
 
 _SUBPIXELS = 64.0
-"""QTM tells pixels in 64ths; distortion coefficients are plain."""
+"""QTM writes pixels in 64ths; distortion coefficients are plain."""
 
 _FLIP = np.diag([1.0, -1.0, -1.0])
 """From a camera with y up that looks along -z to OpenCV's."""
@@ -42,7 +42,7 @@ class QualisysLayout:
     terms: ClassVar[int] = 5
 
     def detects(self, path: Path) -> bool:
-        """An XML file whose outermost element is a calibration, or one that is called as QTM's."""
+        """An XML file whose outermost element is a calibration, or has QTM's name."""
         return xml_tag(path) == "calibration" or (path.is_file() and path.name.lower().endswith(".qca.txt"))
 
     def read(self, path: Path, size: tuple[int, int] | None) -> Listing:

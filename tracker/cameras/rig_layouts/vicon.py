@@ -23,10 +23,10 @@ _MOST_OFF_PX = 0.2
 """Between Vicon's lens and OpenCV's inside the image: what good calibrations leave."""
 
 _UNIT = 1e-3
-"""Of a quaternion's length: Vicon tells more than ten digits."""
+"""Tolerance of a quaternion's length: Vicon writes more than ten digits."""
 
 _VIDEO = ("video", "vue")
-"""In TYPE or DISPLAY_TYPE of a camera that films, beside those that see markers alone."""
+"""Words in TYPE or DISPLAY_TYPE of a camera that films, beside those that only see markers."""
 
 
 @component
@@ -34,9 +34,9 @@ class ViconLayout:
     """`NAME.xcp`: cameras called by DEVICEID, as their video files are; millimetres, z up.
 
     ORIENTATION is the quaternion x y z w of the rotation from the world to the camera, which looks along z with y down,
-    and POSITION its place. The lens is told the other way round than OpenCV's: a pixel at a distance r from the centre
-    of distortion belongs `1 + k1 r^2 + k2 r^4 + k3 r^6` times as far from it in the image of an ideal camera. OpenCV's
-    five numbers are fitted to that. Where some cameras film, those that see markers alone are left out.
+    and POSITION its place. The lens model is the inverse of OpenCV's: a pixel at a distance r from the centre of
+    distortion belongs `1 + k1 r^2 + k2 r^4 + k3 r^6` times as far from it in the image of an ideal camera. OpenCV's
+    five numbers are fitted to that. If some cameras film, those that only see markers are left out.
     """
 
     endings: ClassVar[tuple[str, ...]] = (".xcp",)
@@ -68,7 +68,7 @@ class ViconLayout:
         return Listing(tuple(cameras), left_out, tuple(remarks), "mm")
 
     def contents(self, rig: Rig) -> dict[str, bytes]:
-        """Nothing: the file tells of hardware that is not known here."""
+        """Empty: the file's hardware is not known here."""
         raise CalibrationError("Vicon's calibrations are read only: choose another layout")
 
 
