@@ -75,7 +75,7 @@ def test_who_walks_about_is_not_in_the_plate(light: float) -> None:
     ("boxes", "words"),
     [
         (STANDING, "a person stays in one place"),
-        (LEAVING, "a person stays in one place|no person moves"),
+        (LEAVING, "a person stays in one place|nobody moves"),
         (STILL, "nobody moves"),
         (WALKING[:5], "5 images to make it of"),
     ],

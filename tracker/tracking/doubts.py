@@ -212,7 +212,7 @@ class Doubts:
         for limb, frames in sorted(self.ambiguous.items(), key=lambda item: -len(item[1])):
             found.append(f"{limb} ambiguous in {len(frames)}{_where(frames)}")
         if self.why_unfound and not self.found:
-            found.append(f"no person was found: {self.why_unfound}")
+            found.append(f"nobody was found: {self.why_unfound}")
         return "; ".join([", ".join(found), *unused])
 
     def why(self) -> str:

@@ -63,7 +63,7 @@ class Patience:
         frames = f"{len(self._vain)} frame{'s' * (len(self._vain) != 1)} searched to the end"
         why = f"; the last reason: {self._why}" if self._why else ""
         return (
-            f"no person was found in {limit_s:g} s of processor time, {frames}{why}: begin where the person is well "
+            f"nobody was found in {limit_s:g} s of processor time, {frames}{why}: begin where the person is well "
             "visible ([reading] start), give plates or a pose (initialization = "
             '{ use = "given", poses = "start.csv" }), or allow more by loss.start_within_s'
         )

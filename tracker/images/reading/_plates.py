@@ -194,7 +194,10 @@ def _recorded(images: Sequence[Image], least_known: float) -> tuple[RecordedPlat
     if found.level > MOST_LEVEL:
         return None, f"its images differ from one another by {found.level:.0f} grey levels: did the camera move?"
     if found.moving < _LEAST_MOVING:
-        return None, "no person moves: one who stands there all the time would be in it; film the scene without persons"
+        return (
+            None,
+            "nobody moves: a person who stands there all the time would be in it; film the scene without persons",
+        )
     if found.known < least_known:
         return None, (
             f"a person stays in one place ({found.known:.0%} of the pixels that persons cover are known without them, "
