@@ -33,8 +33,8 @@ from tracker.results.markers import Markers
         ("a.csv", "Trajectories\n100\n,,Anna:LSHO\n", "a CSV export of Vicon Nexus"),
         ("a.mot", "Coordinates\nversion=1\nnRows=20\nendheader\n", "a table of OpenSim (.mot, .sto)"),
         ("a.bvh", "HIERARCHY\nROOT Hips\n", "a BVH file"),
-        ("a.c3d", "something else", "no file of markers"),
-        ("a.trc", "", "no file of markers"),
+        ("a.c3d", "something else", "not a file of markers"),
+        ("a.trc", "", "not a file of markers"),
     ],
 )
 def test_other_files_are_named(tmp_path, name, content, what):

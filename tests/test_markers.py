@@ -87,7 +87,7 @@ def test_c3d_of_more_markers_than_a_parameter_has_names_is_read(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda text: text.replace("PathFileType", "Path"), "no file of markers"),
+        (lambda text: text.replace("PathFileType", "Path"), "not a file of markers"),
         (lambda text: text.replace("\tmm\t", "\tyard\t"), 'Units in line 3 is "yard"; valid: cm'),
         (lambda text: re.sub(r"\n3\t0\.0166", "\n3\t0.0001", text), "Time does not run forwards in line 9"),
         (lambda text: text.replace("\n5\t", "\n5\tx"), "'x0.03333333' in line 11"),
