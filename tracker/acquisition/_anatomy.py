@@ -207,7 +207,7 @@ class Anatomy:
         return found.packed()
 
     def symmetrized(self, change: Array) -> Array:
-        """What of a change (n,) keeps the body symmetric."""
+        """The part of a change (n,) that keeps the body symmetric."""
         kept: Array = (change + self.mirrored(change)) / 2
         return kept
 
@@ -342,7 +342,7 @@ _CALLED = {"chest.height": "trunk", "torso.height": "trunk"}
 
 
 def correlated(names: Sequence[str], sides: Sequence[str]) -> Array:
-    """(S, S) correlations of shape parameters; those that people's proportions do not tell are independent.
+    """(S, S) correlations of shape parameters; those without known proportions are independent.
 
     Args:
         names: of the parameters, `left_thigh.length`.

@@ -15,7 +15,7 @@ from tracker.foundation.geometry.superquadrics import signed_distance
 
 
 def outside(placed: Array, shapes: Array, points: Array) -> tuple[Integers, Array, Array]:
-    """Where points are against the outside of all parts together.
+    """Distances of points from the outside of all parts together.
 
     Args:
         placed: (P, 4, 4) placements of the parts.
@@ -96,7 +96,7 @@ class Tracks:
 
 @dataclass(frozen=True)
 class Tied:
-    """What the tracks say of shape and poses, linearized."""
+    """Information of the tracks on shape and poses, linearized."""
 
     matrix: Array
     """(n, n) J^T W J of all unknowns."""

@@ -35,10 +35,10 @@ from tracker.tracking.trajectory import Step
 from tracker.tracking.way_round import LEAST_SEEN, n_sure, the_better_way_round
 from tracker.tracking.windows import back, length_of_windows, there
 
-# Which of several persons is which, by the bodies that were fitted to them.
+# Assigns several persons by the bodies that were fitted to them.
 #
-# At the start that is told by how high heads are. Somebody who lies or kneels is then taken for the smallest: a scanned
-# man of 1.85 m who gets up beside a woman of 1.73 m was tracked by her name, and with a body between the two.
+# At the start that is told by how high heads are. A person who lies or kneels would otherwise count as the smallest: a
+# scanned man of 1.85 m who gets up beside a woman of 1.73 m was tracked by her name, and with a body between the two.
 
 _HELD_BACK = 2.5
 """How much farther from the stature that is told a fitted one may be if nothing is told, at most: bodies fitted under
@@ -129,7 +129,7 @@ class Round:
         return self.of({k: fit for k, fit in self.fits.items() if k not in unlike or n_sure(self.steps, k) >= least})
 
     def told(self, k: int, unlike: bool) -> str:
-        """What was done for a person."""
+        """Result for a person."""
         if k not in self.fits:
             sure = n_sure(self.steps, k)
             what = (
@@ -143,7 +143,7 @@ class Round:
 def best_seen(
     steps: Iterable[Step], person: int, n_frames: int, n_kept: int, doubted_too: bool = False
 ) -> tuple[Seen, ...]:
-    """Of each stretch of a recording the frame in which a person is seen best.
+    """The frame of each stretch of a recording that shows a person best.
 
     Args:
         steps: the frames, tracked.
@@ -185,16 +185,16 @@ class Fitting:
     """Place of a person in the scene -> its body; without those who were not seen well enough."""
 
     told: Mapping[int, str]
-    """Place -> what was done, in a few words, of everybody asked for."""
+    """Place -> result in a few words, for every person concerned."""
 
     steps: Sequence[Step]
     """The frames followed through, with the poses that the bodies were fitted at; none where none were followed."""
 
     start: Start | None
-    """How persons were found."""
+    """The start of the persons."""
 
     things: Mapping[int, tuple[Thing, ...]]
-    """Place -> what the person holds or wears that nobody told of; what may be is a part of the body fitted."""
+    """Place -> things that the person holds or wears without an entry; likely ones are a part of the fitted body."""
 
 
 def fit_bodies(
@@ -215,7 +215,7 @@ def fit_bodies(
     Who is in doubt all the way there is followed back before anything is fitted: a scanned man, rendered crawling from
     the first frame on, kept the scaled body (28 mm, 11 of 50 frames falsely flagged; fitted 22 mm and none). Who is so
     still, though found for sure, may be built otherwise than the model: fitted to frames in doubt, such a body is kept
-    if it leaves half of them without. Who was not found for sure may face the other way: begun so, he is kept if that
+    if it leaves half of them without. A person who was not found for sure may face the other way: that is kept if it
     leaves more frames without doubt. A body fitted to frames in doubt would have ended his doubts as well: a man was
     447 mm off in 90 frames, none doubtful, and is 31 mm off begun the other way.
 
@@ -230,7 +230,7 @@ def fit_bodies(
             frames are tracked anew with it as a part of the body.
 
     Raises:
-        InitializationError: nobody was found.
+        InitializationError: no person was found.
     """
     give_back()
     frames = _first(reopen, min(n_frames, LONGEST))
@@ -270,7 +270,7 @@ class _Way:
     """Behind the last frame."""
 
     unlike: frozenset[int]
-    """Those who were fitted in doubt."""
+    """Persons who were fitted in doubt."""
 
 
 @dataclass(frozen=True)
@@ -324,7 +324,7 @@ def _named(way: _Way, scene: Scene, following: _Following) -> _Way:
 def _all_things(
     way: _Way, spaces: Spaces, untold: Collection[int], settings: ViewSettings
 ) -> dict[int, tuple[Thing, ...]]:
-    """Place -> what is found of those of whom nothing was told."""
+    """Place -> findings about persons without an entry."""
     give_back()
     return {k: some for k in spaces if k in untold and (some := _things(way, k, settings))}
 
@@ -371,7 +371,7 @@ def _found_for_sure(steps: Sequence[Step], k: int, cycle: Cycle) -> bool:
 
 
 def _n_known(frame: Frame, cycle: Cycle) -> int:
-    """Views in which somebody may stand out."""
+    """Views in which a person may stand out."""
     return sum(frame.mask(v) is not None or plate is not None for v, plate in enumerate(cycle.plates))
 
 

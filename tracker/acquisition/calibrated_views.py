@@ -34,10 +34,10 @@ _AROUND_M = 0.15
 
 @component
 class ViewSettings:
-    """How a model is acquired from calibrated views."""
+    """Settings of an acquisition from calibrated views."""
 
     prior: ShapePrior = ShapePrior()
-    """How much persons differ."""
+    """Differences between persons."""
 
     fit: FitSettings = FitSettings(
         iterations=12,
@@ -60,13 +60,13 @@ class ViewSettings:
     """Finds the edges that the contours are fitted to."""
 
     person: str | None = None
-    """Whose model is acquired; may be left out for a single person."""
+    """Person to model; may be left out for a single person."""
 
     least_overlap: float = pydantic.Field(default=0.6, gt=0, lt=1)
     """Least mean intersection over union of the views with a background: below it the person was not found."""
 
     rounds: int = pydantic.Field(default=2, ge=1)
-    """How often the frames are tracked with the model found before, and the shape is fitted anew."""
+    """Number of times that the frames are tracked with the present model, and the shape is fitted anew."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def fit_to_views(
         seen: the frames.
         watching: rig and components.
         settings: priors and steps.
-        progress: told how far it is.
+        progress: gets the progress.
 
     Raises:
         SequenceError: no frame to fit to.
@@ -146,7 +146,7 @@ def _look(seen: Seen, person: int, columns: Integers, watching: Watching) -> Loo
 
 
 def _silhouette(sight: Sight, view: int) -> Mask | None:
-    """The foreground of a view; None where nobody stands out from what is known."""
+    """The foreground of a view; None if no person stands out."""
     found = sight.silhouette(view)
     return found if found is not None and found.any() else None
 

@@ -29,10 +29,11 @@ _SAMPLING = 2
 """Every second pixel is looked at, along both axes."""
 
 _OWN_M = 0.05
-"""What stands out so near to a person's silhouette is the person's: hair, wide clothes, what a model has not."""
+"""Changes this near to a person's silhouette are the person's: hair, wide clothes, and other things that a model
+lacks."""
 
 _AROUND_M = 1.5
-"""How far from the middle of a person cells are looked for, metres."""
+"""Range of the cells around the middle of a person, metres."""
 
 _MOST_SHARE = 0.5
 """Of a model's silhouette: what is more beside the persons is nothing carried. They are elsewhere, or the light has
@@ -59,7 +60,7 @@ class View:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Of a frame: where the segments of a person are, and what stands out beside all persons."""
+    """Data of a frame: the segments of a person, and the changes beside all persons."""
 
     world_from_reference: Array
     """(dof + 1, 4, 4) how far what hangs on each parameter has moved from the reference pose."""
@@ -103,7 +104,7 @@ def sight_of(seen: Seen, watching: Watching) -> Sight:
 
 
 def surroundings(sight: Sight, scene: Scene, person: int, synthesis: Synthesis) -> Surroundings:
-    """What stands out in a frame.
+    """Changes in a frame.
 
     Args:
         sight: see `sight_of`.
@@ -179,7 +180,7 @@ def shown_in(views: Sequence[View], points: Array) -> tuple[Mask, Integers]:
 # What moves with a segment of a body over several frames, or stands, and no part of it explains: cells of space.
 
 _REACH_M = 0.9
-"""How far things reach from the landmarks of the segment that carries them, metres."""
+"""Reach of things from the landmarks of the segment that carries them, metres."""
 
 _NEARLY = 0.8
 """Of the most cells that move with a segment."""

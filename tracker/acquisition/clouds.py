@@ -151,7 +151,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Look:
-    """What the cameras of one moment show of the person."""
+    """Images of the person by the cameras of one moment."""
 
     rig: Rig
     columns: Integers

@@ -22,7 +22,7 @@ from tracker.synthesis import Synthesis
 
 @component
 class FitSettings:
-    """How shape and poses are fitted."""
+    """Settings of the fit of shape and poses."""
 
     iterations: int = pydantic.Field(default=24, ge=2)
     """Gauss-Newton steps."""

@@ -173,10 +173,10 @@ _GATES_M = np.geomspace(0.2, 0.05, 10)
 
 @component
 class PointSettings:
-    """How a model is acquired from surface points."""
+    """Settings of an acquisition from surface points."""
 
     prior: ShapePrior = ShapePrior()
-    """How much persons differ."""
+    """Differences between persons."""
 
     fit: FitSettings = FitSettings(
         iterations=16, gate_m=0.1, final_gate_m=0.03, pose_deg=15.0, pose_m=0.1, rigid_share=0.25
@@ -196,12 +196,13 @@ class PointSettings:
     """Direction that the person faces in the first moment, from x towards y, degrees, within 60; None to find it."""
 
     least_lead: float = pydantic.Field(default=0.1, ge=0, lt=1)
-    """A body must fit the points by this share better than one that faces elsewhere; else the heading must be told."""
+    """A body must fit the points better by this share than one with another heading; otherwise the heading must be
+    given."""
 
 
 @dataclass(frozen=True)
 class Moment:
-    """What is known of a person at one time."""
+    """Data of a person at one time."""
 
     cloud: Cloud
     rig: Rig
@@ -218,7 +219,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class FromPoints:
-    """What an acquisition has found."""
+    """Outcome of an acquisition."""
 
     fit: Fit
     explained: tuple[float, ...]
@@ -250,7 +251,7 @@ def acquire_from_points(
         settings: priors and steps.
         trajectories: of followed points, in the world of the points.
         stature_m: the person's height, where it is known.
-        progress: told how far it is.
+        progress: gets the progress.
 
     Raises:
         SequenceError: the body does not fit the points, or a moment is no frame of the trajectories.
@@ -276,7 +277,7 @@ def _surest(task: Task, moments: Sequence[Moment], settings: PointSettings) -> t
     """The body only posed and the one fitted, from the start that fits best in the end.
 
     Raises:
-        SequenceError: no start faces as it is told, or bodies that face two ways fit alike: from the front and from
+        SequenceError: no start has the given heading, or bodies with two headings fit equally: from the front and from
             behind, a trunk looks the same.
     """
     space = task.space

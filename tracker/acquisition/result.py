@@ -1,4 +1,4 @@
-"""What an acquisition leaves: the model file with its standard deviations, and residuals part by part."""
+"""Outcome of an acquisition: the model file with its standard deviations, and residuals part by part."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tracker.synthesis.cpu import CpuSynthesis
 
 @dataclass(frozen=True)
 class PartResidual:
-    """How one part fits."""
+    """Fit of one part."""
 
     part: str
     rms_mm: float
@@ -52,7 +52,7 @@ class BoneLength:
     length_mm: float
     sigma_mm: float
     before_mm: float
-    """In the model begun with, scaled by the stature."""
+    """In the initial model, scaled by the stature."""
 
 
 def part_residuals(found: Fit) -> tuple[PartResidual, ...]:

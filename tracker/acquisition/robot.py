@@ -28,7 +28,7 @@ _ROOT = (
     *(("x", (1.0, 0.0, 0.0), False), ("y", (0.0, 1.0, 0.0), False), ("z", (0.0, 0.0, 1.0), False)),
     *(("roll", (1.0, 0.0, 0.0), True), ("pitch", (0.0, 1.0, 0.0), True), ("yaw", (0.0, 0.0, 1.0), True)),
 )
-"""What moves a base that moves about: along the axes, then about them."""
+"""Parameters of a base that moves about: along the axes, then about them."""
 
 _ROOT_LIMITS = {"roll": 180.0, "pitch": 89.0, "yaw": 36000.0}
 """Degrees either way, as of the bundled models; places have 100 m either way."""
@@ -45,14 +45,14 @@ class RobotFile:
     """URDF, or MJCF of MuJoCo."""
 
     base: Literal["free", "fixed"] | None = None
-    """`free`: it moves about, as an animal does; `fixed`: its base stays where it is, as that of most arms. None: what
-    the description says, `fixed` where it says nothing."""
+    """`free`: it moves about, as an animal does; `fixed`: its base stays in place, as that of most arms. None: what the
+    description says, `fixed` where it says nothing."""
 
     at: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Where the origin of a fixed robot's description is in the world of the calibration, metres."""
+    """Position of the origin of a fixed robot's description in the world of the calibration, metres."""
 
     turn_deg: float = 0.0
-    """By how much a fixed robot is turned about the vertical."""
+    """Turn of a fixed robot about the vertical."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What of a body may differ between persons: named shape parameters, linear in the content of a model file."""
+"""Differences between persons' bodies: named shape parameters, linear in the content of a model file."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ _STEP = 1e-5
 
 @component
 class ShapePrior:
-    """How much persons differ from the model that is scaled by their stature: standard deviations."""
+    """Differences of persons from the model scaled by their stature: standard deviations."""
 
     symmetric: bool = True
     """Left and right have the same lengths and shapes."""
@@ -161,7 +161,7 @@ class ShapeParameter:
     """One way in which a body may differ."""
 
     name: str
-    """What it changes and how: `left_thigh.length`; of a symmetric pair the first side's name."""
+    """Its effect: `left_thigh.length`; of a symmetric pair the first side's name."""
 
     sigma: float
     """Standard deviation among persons."""

@@ -1,4 +1,4 @@
-"""What is fitted to pairs of silhouettes: settings, looks, and the poses that a fit starts from."""
+"""The fit to pairs of silhouettes: settings, looks, and first poses."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ Angles = Annotated[tuple[float, ...], pydantic.Field(min_length=1)]
 
 @component
 class SilhouetteSettings:
-    """How a model is acquired from front and side silhouettes."""
+    """Settings of an acquisition from front and side silhouettes."""
 
     prior: ShapePrior = ShapePrior()
-    """How much persons differ."""
+    """Differences between persons."""
 
     fit: FitSettings = FitSettings(iterations=15, pose_m=0.5, pose_deg=6.0)
     """The refinement."""

@@ -1,4 +1,4 @@
-"""Things that persons hold or wear and nobody told of: found in frames they were followed in, as parts of bodies."""
+"""Things that persons hold or wear without an entry: found in followed frames, as parts of bodies."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ class Thing:
     """The same where it came to lie in it while it was tracked: of four skirts, two were found beside the legs."""
 
     how: How = How.CARRIED
-    """Furniture, what may be, and what is the person's own, are told and are no part of anybody."""
+    """Furniture, uncertain things, and the person's own clothes are reported and belong to no body."""
 
 
 def things_of(seen: Sequence[Seen], person: int, description: BodyDescription, watching: Watching) -> tuple[Thing, ...]:
-    """What a person carries, as far as it stands out beside the body and moves with one of its segments.
+    """Things that a person carries, if they stand out beside the body and move with one of its segments.
 
-    Furniture that no plate shows is among it, and is told as such.
+    Furniture that no plate shows is among them, and reported as such.
 
     Args:
         seen: frames in which the person is, at different poses.
@@ -164,7 +164,7 @@ def _vector(values: Array) -> Vector:
 
 
 def told_of_things(name: str, things: Sequence[Thing]) -> str:
-    """What is said of a person who carries things.
+    """Message about a person who carries things.
 
     Args:
         name: the person's.
@@ -175,7 +175,7 @@ def told_of_things(name: str, things: Sequence[Thing]) -> str:
 
 
 def told_of_uncarried(name: str, things: Sequence[Thing]) -> tuple[str, ...]:
-    """What is said of what is beside a person and not carried: furniture, what may be, and what is the person's own.
+    """Message about things beside a person that are not carried: furniture, uncertain ones, and the person's own.
 
     Args:
         name: the person's.
@@ -201,7 +201,7 @@ def told_of_uncarried(name: str, things: Sequence[Thing]) -> tuple[str, ...]:
 
 
 def entry_of(things: Sequence[Carried]) -> str:
-    """The line of a configuration that tells of things; see `tracker.bodies.subject.Subject.carries`."""
+    """The line of a configuration for things; see `tracker.bodies.subject.Subject.carries`."""
     return f"carries = [{', '.join(map(_entry, things))}]"
 
 

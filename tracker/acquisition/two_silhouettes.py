@@ -50,7 +50,7 @@ def searched_parts(
         found: a fit whose poses and lengths are about right.
         silhouettes: one a look.
         synthesis: makes the model's contours.
-        progress: told how far it is.
+        progress: gets the progress.
     """
     space, shape, body = found.space, np.array(found.shape), found.body
     seen = [_back_projected(found, k, one, synthesis) for k, one in enumerate(silhouettes)]
@@ -137,7 +137,7 @@ def _search(space: ShapeSpace, shape: Array, name: str, section: tuple[int, Arra
 
 
 def _prior_cost(tried: Array, sigmas: Array) -> Array:
-    """What departing from the general shape costs (B,): two millimetres at three standard deviations."""
+    """Cost (B,) of departing from the general shape: two millimetres at three standard deviations."""
     cost: Array = 0.002 / 9 * ((tried / sigmas) ** 2).sum(axis=1)
     return cost
 
@@ -165,12 +165,13 @@ def section_distances(shapes: Array, lateral: int, points: Array) -> Array:
 
 
 _MOST_TALLER = 0.08
-"""How much a silhouette may differ from the stature told, as a share: hair and shoes count, and legs may be apart."""
+"""Largest difference of a silhouette from the given stature, as a share: hair and shoes count, and legs may be
+apart."""
 
 
 @dataclass(frozen=True)
 class Acquired:
-    """What an acquisition has found."""
+    """Outcome of an acquisition."""
 
     fit: Fit
     silhouettes: tuple[Silhouette, ...]
@@ -200,7 +201,7 @@ def acquire(
         pairs: front and side of one posture each.
         stature_m: the person's height; None where every picture has a scale.
         settings: priors and limits.
-        progress: told how far it is.
+        progress: gets the progress.
 
     Raises:
         SequenceError: a picture that cannot be used, with the reason.
@@ -240,7 +241,7 @@ def _narrow(settings: FitSettings) -> FitSettings:
 
 
 def _check_sizes(front: Silhouette, side: Silhouette, stature_m: float | None) -> None:
-    """Refuses a pair whose pictures cannot show front and side of one person, or of one of the stature told."""
+    """Refuses a pair whose pictures cannot show front and side of one person, or of one with the given stature."""
     widths = [one.box[2] / one.box[3] for one in (front, side)]
     if widths[1] > 1.15 * widths[0]:
         raise SequenceError(
@@ -265,7 +266,7 @@ def _check_sizes(front: Silhouette, side: Silhouette, stature_m: float | None) -
 
 def _measured_stature(front: Silhouette) -> float:
     if not front.orthographic:
-        raise SequenceError("a perspective picture does not tell the person's size: give stature_m")
+        raise SequenceError("a perspective picture does not show the person's size: give stature_m")
     return float(front.box[3] * 1000 / front.camera.matrix[1, 1])
 
 

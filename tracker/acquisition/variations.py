@@ -1,9 +1,8 @@
-"""What is not known of a fitted body: the few ways in which it may differ that move joints or angles, kept with it.
+"""Uncertainty of a fitted body: the few ways in which it may differ that move joints or angles, kept with it.
 
-A pose is found as if the body were known. Where the body is wrong, the pose that makes the same contours is wrong by a
-constant that no frame tells. Of `h(s, q)`, contours by shape s and pose q, with information ``H``,
-``dq/ds = -(H_qq + P)^-1 H_qs`` (implicit function theorem), and shape and its unknowns are marginalized:
-``Sigma_q + dq/ds Sigma_s dq/ds^T``.
+A pose is found as if the body were known. If the body is wrong, the pose with the same contours is wrong by a constant
+that no frame shows. Of `h(s, q)`, contours by shape s and pose q, with information ``H``, ``dq/ds = -(H_qq + P)^-1
+H_qs`` (implicit function theorem), and shape and its unknowns are marginalized: ``Sigma_q + dq/ds Sigma_s dq/ds^T``.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ _EVERY = 3
 """Samples of a contour, some 2 px apart, that are looked at: their sums hardly change."""
 
 _NOISE_PX, _HELD_DEG, _HELD_M = 1.0, 15.0, 0.15
-"""How firmly a refinement holds what images do not show, see `TwistIcpEstimation`."""
+"""Weight of the prior in a refinement, see `TwistIcpEstimation`."""
 
 
 def variations_of(space: ShapeSpace, shape: Array, covariance: Array, poses: Sequence[Array]) -> tuple[Variation, ...]:
@@ -139,7 +138,7 @@ class Unsure:
 
     @classmethod
     def of(cls, description: BodyDescription) -> Unsure | None:
-        """What a model file tells; None if it takes its body for known."""
+        """Variations of a model file; None if its body counts as exact."""
         if not description.variations:
             return None
         body, still = description.build(), Anatomy.of(description).still()
@@ -204,7 +203,7 @@ _ALIKE_PX = 10.0
 def telling_bodies(
     steps: Iterable[Step], models: Mapping[str, BodyDescription], told: Iterable[int] = ()
 ) -> Iterator[Step]:
-    """Steps whose estimates tell what is not known of the bodies as well.
+    """Steps whose estimates include the uncertainty of the bodies.
 
     Args:
         steps: estimates as if bodies were known.

@@ -1,4 +1,4 @@
-"""What an image shows that a plate of the empty scene does not, and what light and shadows do to both."""
+"""Differences of an image from a plate of the empty scene, and the effects of light and shadows on both."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def count_coloured(image: Image, spacing: int, level: int) -> int:
     return native.count_coloured(image, spacing, level)
 
 
-# Which of the pixels that have changed are a shadow on the background.
+# Changed pixels that are a shadow on the background.
 
 MARGIN = 6
 """Pixels that the smoothed pictures show beyond the area looked at; smoothing may spoil the outer two."""
@@ -103,7 +103,7 @@ def without_shadows(
     native.without_shadows(now, plate, origin, moving, rule, mask)
 
 
-# How the light of an image differs from that of its clean plate, and the plate in the image's light.
+# Difference of light between an image and its clean plate, and the plate in the image's light.
 
 DARK = 6.0
 """Grey levels added before ratios are taken: where there is hardly any light, noise decides them."""

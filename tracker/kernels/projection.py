@@ -1,4 +1,4 @@
-"""Where a camera shows a point, and how far its lens distorts."""
+"""Projection of a point by a camera, and distortion by its lens."""
 
 from __future__ import annotations
 

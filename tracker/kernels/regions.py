@@ -108,7 +108,7 @@ class Samples(NamedTuple):
 
 
 class Looks(NamedTuple):
-    """What is known of the colours of a scene's parts."""
+    """Knowledge of the colours of a scene's parts."""
 
     tables: Tables
 
@@ -123,7 +123,7 @@ class Looks(NamedTuple):
 
 
 class Rule(NamedTuple):
-    """How lines are read."""
+    """Sampling of lines."""
 
     step_m: float
     """Distance of places on the body, metres; never less than a pixel."""
@@ -145,7 +145,7 @@ class Rule(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """What contours are compared with."""
+    """Data for the comparison of contours."""
 
     picture: Picture
     """Colours seen."""
@@ -196,7 +196,7 @@ def score_lines(
     cameras: Array,
     misfits: Array,
 ) -> None:
-    """How much beside the contours of many poses lies on the wrong side of them.
+    """Length beside the contours of many poses on the wrong side of them.
 
     Args:
         lines: what they are compared with.
@@ -258,7 +258,7 @@ def find_shifts(
     rule: Rule,
     shifts: Array32,
 ) -> None:
-    """How far the contour has to move along its normal at each sample of one pose.
+    """Shift of the contour along its normal at each sample of one pose.
 
     Args:
         picture, looks: colours seen and known.

@@ -11,10 +11,10 @@ from tracker.foundation.arrays import Array, Integers, Mask
 
 
 class PointStatus(IntEnum):
-    """How a point came by its position in a frame."""
+    """Source of a point's position in a frame."""
 
     HIDDEN = 0
-    """Not seen; looked for in every frame."""
+    """Not seen; searched in every frame."""
 
     FOLLOWED = 1
     """Matched with its key patch."""

@@ -76,7 +76,7 @@ class Synthesis(Protocol):
         ...
 
     def region_misfits(self, scene: Scene, person: int, poses: Array, lines: Lines) -> Array:
-        """How much beside the contours of many poses of one person has the colours of the other side.
+        """Share beside the contours of many poses of one person that has the colours of the other side.
 
         As for `directed_distances`, no contour need be written to memory on the way. It is a faster way to what
         `tracker.kernels.regions.score_lines` says of the coarse contours.
@@ -108,7 +108,7 @@ def side_by_side(synthesis: Synthesis, do: Callable[[_One], _Made], of: Sequence
     try:
         made = list(pool.map(do, of))
     except BaseException as error:
-        # Who interrupts does not wait for what is under way: a start searched in full went on after two Ctrl-C.
+        # A user who interrupts does not wait for running work: a start searched in full went on after two Ctrl-C.
         pool.shutdown(wait=isinstance(error, Exception), cancel_futures=True)
         raise
     pool.shutdown()
@@ -124,7 +124,7 @@ class SurfaceSynthesis:
     """
 
     of: Synthesis
-    """What a search is served by."""
+    """Functions for a search."""
 
     def contours(
         self, scene: Scene, person: int | None = None, poses: Array | None = None, coarse: bool = False

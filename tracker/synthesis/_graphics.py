@@ -1,4 +1,4 @@
-"""What ways to draw by graphics libraries share: loading them late, and contours and distances from pictures."""
+"""Common parts of graphics libraries: late loading, and contours and distances from pictures."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def library(name: str, use: str) -> Any:
 
 
 def unusable(use: str, error: Exception) -> RenderError:
-    """What to do about an exception of a graphics library, in one sentence."""
+    """Advice about an exception of a graphics library, in one sentence."""
     first = next(iter(str(error).strip().splitlines()), "")
     kind = "" if type(error) is Exception else f"{type(error).__name__} "
     reason = " ".join(f"{kind}{first}".split())
@@ -55,7 +55,7 @@ def unusable(use: str, error: Exception) -> RenderError:
 
 @component
 class PictureSynthesis:
-    """What is made of pictures of part numbers; a component says how they are drawn (`_pictures`)."""
+    """Results from pictures of part numbers; a component draws these (`_pictures`)."""
 
     contact_m: float = pydantic.Field(default=0.02, ge=0)
     """An edge whose outer side is this close to another part is an edge between parts, metres."""

@@ -1,4 +1,4 @@
-"""Contours and pictures of persons whose own surface is known, among others of whom only the parts are."""
+"""Contours and pictures of persons with known surfaces, among others with parts alone."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def _merged(meshes: list[tuple[int, Mesh]], n_parts: int) -> Mesh:
     )
 
 
-# Which part each pixel shows in many poses of a person, with what stands still drawn once.
+# The part at each pixel in many poses of a person, with unmoved parts drawn once.
 
 PartIds = NDArray[np.int16]
 """(H, W) scene-wide part number seen at each pixel's centre, -1 for none."""
@@ -197,8 +197,8 @@ def ids_of_poses(
     """The nearest part at every pixel of all views, pose after pose.
 
     The same as `rasterized_ids`, in a third of the time where all parts move and in a fifteenth where a limb does
-    (`benchmark.py starts`): sides that face the camera alone are drawn, row by row, and of a batch only what moves.
-    Where somebody's own surface is known, it is rasterized pose by pose.
+    (`benchmark.py starts`): sides that face the camera alone are drawn, row by row, and of a batch only what moves. If
+    a person's own surface is known, it is rasterized pose by pose.
 
     Args:
         scene: persons and rig.

@@ -41,7 +41,7 @@ class AutoSynthesis:
 
     @property
     def choice(self) -> str:
-        """Which component works and why, in one sentence."""
+        """The working component and the reason, in one sentence."""
         return _found(self.device)[1]
 
     @property

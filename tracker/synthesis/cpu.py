@@ -73,7 +73,7 @@ class CpuSynthesis:
         return with_skins(parts, scene, placements, (self.step_px, self.contact_m))
 
     def _of_parts(self, scene: Scene, placements: Array, coarse: bool) -> Contours:
-        """Contours of all superquadrics; fine ones are kept for some poses, for they are asked for again.
+        """Contours of all superquadrics; fine ones are kept for some poses, because they are needed again.
 
         What is expected in a frame is where refinements begin, and what is found there where the frame ends.
         """

@@ -181,7 +181,7 @@ def look_for_previous(sightings: Sightings) -> None:
 
 
 def look_again(sightings: Sightings) -> None:
-    """Hidden points are looked for where their neighbours expect them; those found are neighbours of the next round."""
+    """Hidden points are searched where their neighbours expect them; those found are neighbours of the next round."""
     lonely = _look_where_expected(sightings)
     scouts = chosen_scouts(sightings.points, lonely)
     if len(scouts):
@@ -191,7 +191,7 @@ def look_again(sightings: Sightings) -> None:
 
 
 def _look_where_expected(sightings: Sightings) -> Integers:
-    """Returns the rows of those that nobody expects anywhere."""
+    """Returns the rows of those that no neighbour expects."""
     points, tried = sightings.points, np.zeros(len(sightings.points), dtype=np.bool_)
     for _ in range(_ROUNDS):
         rows = np.flatnonzero(~sightings.alive & ~tried)
@@ -209,7 +209,7 @@ def _look_where_expected(sightings: Sightings) -> Integers:
 def _send(sightings: Sightings, rows: Integers) -> None:
     """Looks for points that are far from all others: first by correlation in a wide box.
 
-    What that finds must be checked by other views. A view alone looks for them where they were seen last.
+    Other views must check these. A view alone looks for them where they were seen last.
     """
     points, half = sightings.points, sightings.following.matching.patch_px // 2
     starts = []

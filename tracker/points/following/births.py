@@ -1,4 +1,4 @@
-"""Where followed points come from, and how densely they lie: measured surfaces, places given by hand, new surface."""
+"""Source and density of followed points: measured surfaces, given places, new surface."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ class Density:
     """Of two points nearer than this many times the spacing in every view, the younger one ends; 0 keeps all."""
 
     forget_frames: int | None = pydantic.Field(default=250, ge=1)
-    """Points hidden for so many frames are looked for no more; None looks for them for ever."""
+    """Points hidden for so many frames are given up; None never gives up."""
 
     def new_places(self, points: Points, new: NewPoints) -> Mask:
         """(M,) new points where no point is, nor where neighbours expect a hidden one."""

@@ -1,4 +1,4 @@
-"""What of trajectories is believed: the paper's filters (section 2.3.2, figure 12), and cuts at false steps."""
+"""Validity of trajectories: the paper's filters (section 2.3.2, figure 12), and cuts at false steps."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ _FRAMES = 1 << 32
 
 @dataclass(frozen=True)
 class Cuts:
-    """What the filters make of the trajectories of a record."""
+    """Result of the filters for the trajectories of a record."""
 
     n_fast: int
     """Steps cut for their velocity or acceleration."""

@@ -1,4 +1,4 @@
-"""How points are followed: the parameters (D'Apuzzo et al. 2000, section 2.3)."""
+"""Parameters of following points (D'Apuzzo et al. 2000, section 2.3)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tracker.points.surfaces import LeastSquaresMatching, PatchImage
 
 @component
 class TemporalMatching(LeastSquaresMatching):
-    """How a key patch is found in a later image: the paper's temporal least squares matching."""
+    """Finding of a key patch in a later image: the paper's temporal least squares matching."""
 
     smoothing_px: float = pydantic.Field(default=0.5, ge=0, le=5)
     """Standard deviation of the Gaussian that both images are smoothed with; 0 for none.
@@ -33,10 +33,10 @@ class TemporalMatching(LeastSquaresMatching):
 
 @component
 class Following:
-    """How points are followed from frame to frame."""
+    """Following of points from frame to frame."""
 
     template: Literal["key", "previous"] = "key"
-    """What each view's patch is matched with: that of the point's birth, or (the paper's way) of the frame before.
+    """Template of each view's patch: that of the point's birth, or (the paper's way) of the frame before.
 
     Key patches do not drift; where they fit no more, the frame before takes their place, which is recorded.
     """
@@ -86,7 +86,7 @@ class Following:
     """Matches whose patch is stretched or compressed more since the key are rejected."""
 
     matching: TemporalMatching = pydantic.Field(default_factory=TemporalMatching)
-    """How a patch is found in the next frame."""
+    """Finding of a patch in the next frame."""
 
     alone_patch_px: int = pydantic.Field(default=15, ge=5, le=63)
     """Least side of the patches where a view is followed alone (2-D mode), odd, px; `matching.patch_px` may be larger.

@@ -242,7 +242,7 @@ class FollowedSnake:
 
     @property
     def warning(self) -> str | None:
-        """What to say of a snake that is doubtful, as a whole or in a part."""
+        """Warning about a snake that is doubtful, as a whole or in a part."""
         doubtful = [frame for frame, nodes in zip(self.frames, self.nodes, strict=True) if nodes.doubtful]
         if self.lost_in is not None:
             return (

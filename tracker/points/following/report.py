@@ -122,17 +122,17 @@ class Summary:
     interrupted: bool
 
     warnings: tuple[str, ...]
-    """What a user should know before the trajectories are used."""
+    """Warnings for users of the trajectories."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """How the following went."""
+    """Course of the following."""
 
     seconds: float
     interrupted: bool
     warnings: tuple[str, ...]
-    """Told on the way."""
+    """Messages on the way."""
 
 
 def summarized(rows: Rows, frames: Integers, cuts: Cuts, course: Course) -> Summary:

@@ -138,7 +138,7 @@ def _check_first(rig: Rig, frame: Frame) -> None:
         )
 
 
-# What an interrupted following goes on from.
+# State from which an interrupted following goes on.
 
 STATE = "state.npz"
 """In the result folder."""
@@ -146,7 +146,7 @@ STATE = "state.npz"
 
 @dataclass
 class Counts:
-    """What has been followed so far."""
+    """Frames and points so far."""
 
     frames: list[int] = field(default_factory=list)
     times: list[float] = field(default_factory=list)

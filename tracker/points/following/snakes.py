@@ -27,14 +27,14 @@ class Contour:
     """Clicked along it in the first frame, in order, px: `[[x, y], ...]`, each some px from it at most."""
 
     view: str | None = None
-    """In which it is seen; None where one view alone is followed."""
+    """Its view; None if only one view is followed."""
 
     closed: bool = True
     """Whether the last point is joined to the first one; false for the outline of a limb that ends at the body."""
 
     limb: Literal["left", "right"] | None = None
-    """On which side of an open contour the limb lies, as seen from the first point to the last; None if that is not
-    told. The limb of a closed one is within it."""
+    """Side of an open contour on which the limb lies, as seen from the first point to the last; None if not given. The
+    limb of a closed one is within it."""
 
     @pydantic.field_validator("points", mode="before")
     @classmethod
@@ -51,16 +51,15 @@ class Contour:
 class Snake:
     """An active contour (Kass, Witkin, Terzopoulos 1988) whose prediction is the motion of the points around it.
 
-    Each frame, nodes are carried along with the followed points near them; then edges are looked for along the normals,
-    best for all nodes together (dynamic programming, Amini et al. 1990), and nodes are drawn to them as far as the
-    snake bends.
+    In each frame, nodes move with the followed points near them; then a search along the normals finds edges, best for
+    all nodes together (dynamic programming, Amini et al. 1990), and nodes move to them as far as the snake bends.
     """
 
     step_px: float = pydantic.Field(default=4.0, ge=1)
     """Distance of its nodes in the first frame, px."""
 
     search_px: int = pydantic.Field(default=6, ge=1, le=50)
-    """Edges are looked for so far on either side, px; twice as far in the first frame."""
+    """Range of the search for edges on either side, px; twice as far in the first frame."""
 
     smoothing_px: float = pydantic.Field(default=1.0, gt=0, le=5)
     """Standard deviation of the Gaussian in which edges are seen, px."""
@@ -80,7 +79,7 @@ class Snake:
 
 @dataclass(frozen=True)
 class Sides:
-    """How both sides of a contour look: as they did where it began, apart from the light."""
+    """Appearance of both sides of a contour: as at its beginning, apart from the light."""
 
     first: Array
     """(N, 2, C) mean grey values or colours to the left and the right of each node in the first frame; NaN of those
@@ -96,8 +95,8 @@ class Sides:
     def unsure(self, edges: Array, alike: Mask) -> Mask:
         """(N,) which edges (N,) may be others' that a limb's side is (N, 2) alike at.
 
-        Beside the limb is something else, and the edge is turned, dark for bright, as where something passes before the
-        limb; or one side looks otherwise, and nobody has told which is the limb's.
+        A thing beside the limb turns the edge, dark for bright, as when it passes before the limb; or one side looks
+        different, and the limb's side was not given.
         """
         turned = (self.first[:, 0] - self.first[:, 1]).mean(axis=-1) * edges < 0
         unsure: Mask = ~alike[:, list(self.limb)].all(axis=1) | (turned & ~alike.all(axis=1))
@@ -175,7 +174,7 @@ class Nodes:
 
 
 def snake_faults(contours: Mapping[str, Contour], views: tuple[str, ...]) -> str | None:
-    """What is wrong with the views of contours; None for nothing."""
+    """Faults of the views of contours; None for none."""
     for name, contour in contours.items():
         if contour.view is None and len(views) > 1:
             return f"snakes.{name}: in which view? expected view = one of {', '.join(views)}"

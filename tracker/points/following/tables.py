@@ -300,4 +300,4 @@ def write_c3d(path: Path, markers: Markers) -> None:
 
 
 C3D_ASKED = "c3d = true"
-"""How a configuration asks for the file, for messages."""
+"""Setting of a configuration that asks for the file, for messages."""

@@ -154,7 +154,7 @@ class Growth:
             matching: finds each point.
             images: template and search image.
             seeds: good matches at cells of the grid.
-            progress: told the number of matched points from time to time.
+            progress: gets the number of matched points from time to time.
             measured: what is matched already and stays so.
         """
         field = measured or MatchField.empty(images[0].size, self.step_px)

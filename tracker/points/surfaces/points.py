@@ -39,7 +39,7 @@ class NeighbourhoodFilter:
     """Connected matches of fewer cells are removed: mismatches hang together."""
 
     rounds: int = pydantic.Field(default=1, ge=0, le=10)
-    """How often what was removed is measured again and filtered again."""
+    """Number of times that removed points are measured and filtered again."""
 
     def doubtful(self, field: MatchField) -> Mask:
         """(rows * columns,) matched cells to be removed."""
@@ -259,7 +259,7 @@ def _means(values: Array, members: Integers) -> Array:
     return means
 
 
-# How much of what two views are known to show a surface measurement has reached, and why not more.
+# Share of the common surface of two views that a measurement has reached, and why not more.
 
 # Below half of the region, a surface is no success.
 _ENOUGH = 0.5
@@ -267,7 +267,7 @@ _ENOUGH = 0.5
 
 @dataclass(frozen=True)
 class Attempt:
-    """What the measurement of one search image started from."""
+    """Start of the measurement of one search image."""
 
     at: Array
     """(N, 2) template pixels that are known to be visible in both views."""
@@ -281,7 +281,7 @@ class Attempt:
 
 @dataclass(frozen=True)
 class Coverage:
-    """What became of the places that template and search image are known to have in common."""
+    """Result for the places known to be in both template and search image."""
 
     n_candidates: int
     """Approximate correspondences: image features that look alike and agree with the rig, or given seeds."""
@@ -301,7 +301,7 @@ class Coverage:
         return self.n_covered / max(self.n_candidates, 1)
 
     def warning(self, template: str, search: str) -> str | None:
-        """What to say of a surface that covers less than half of what the views are known to show."""
+        """Warning about a surface that covers less than half of the views' common surface."""
         if self.share >= _ENOUGH:
             return None
         said = f"{template} - {search}: the surface covers {self.n_covered} of {self.n_candidates} places that both "

@@ -103,7 +103,7 @@ def disagreement(names: tuple[str, str], distances: Array, limit: float, consist
 
 @component
 class Seeds:
-    """Where growth starts."""
+    """Start of growth."""
 
     given: tuple[dict[str, tuple[float, float]], ...] = ()
     """Points measured by hand, each a table of view = [x, y] px, to some pixels; empty to find them automatically."""
@@ -118,7 +118,7 @@ class Seeds:
     """Automatic seeds lie no farther from their epipolar lines than this, px."""
 
     largest_px: int = pydantic.Field(default=1300, ge=100)
-    """Features are looked for in images reduced to this length, px."""
+    """Images are reduced to this length for the search for features, px."""
 
     @pydantic.field_validator("given", mode="before")
     @classmethod
@@ -226,7 +226,7 @@ def _best_correlation(
 
 @dataclass(frozen=True)
 class MatchedSeeds:
-    """What became of the candidates."""
+    """Result of the candidates."""
 
     matches: Matches
     """Good ones, at cells of the growth grid."""

@@ -69,7 +69,7 @@ class PreparedView:
 
 @component
 class Preparation:
-    """What happens to the images before they are matched."""
+    """Preparation of the images before matching."""
 
     odd_lines_only: bool = False
     """Interlaced images: use the 1st, 3rd, 5th ... line alone, which were all taken at one time.
@@ -179,7 +179,7 @@ class Surface:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a user should know before the surface is used."""
+        """Warnings for users of the surface."""
         names = [view.camera.name for view in self.views]
         said = [
             coverage.warning(names[self.template], name)
@@ -191,7 +191,7 @@ class Surface:
 
 @component
 class SurfaceMeasurement:
-    """How a surface is measured."""
+    """Settings of a surface measurement."""
 
     template: str | None = None
     """View that the others are compared with; None for the one in the middle of the views."""
@@ -216,19 +216,19 @@ class SurfaceMeasurement:
     """
 
     preparation: Preparation = pydantic.Field(default_factory=Preparation)
-    """What is done to the images first."""
+    """Preparation of the images."""
 
     matching: LeastSquaresMatching = pydantic.Field(default_factory=LeastSquaresMatching)
-    """How a patch is found in another view."""
+    """Finding of a patch in another view."""
 
     seeds: Seeds = pydantic.Field(default_factory=Seeds)
-    """Where the first matches are looked for."""
+    """Search for the first matches."""
 
     growth: Growth = pydantic.Field(default_factory=Growth)
-    """How matches spread from there."""
+    """Spread of matches."""
 
     neighbourhood: NeighbourhoodFilter = pydantic.Field(default_factory=NeighbourhoodFilter)
-    """Which matches contradict their neighbours."""
+    """Removal of matches that contradict their neighbours."""
 
     def template_of(self, rig: Rig) -> int:
         """Index of the template view.
@@ -257,7 +257,7 @@ def measure_surface(measurement: SurfaceMeasurement, frame: Frame, rig: Rig, pro
         measurement: its parameters.
         frame: images of all cameras of the rig.
         rig: the cameras.
-        progress: told how far it is.
+        progress: gets the progress.
 
     Raises:
         SequenceError: a view has no image.

@@ -47,7 +47,7 @@ _USUAL_DEG = -40.0
 
 @dataclass(frozen=True)
 class Floor:
-    """What the cameras see above each place of the floor."""
+    """Field of view of the cameras above each place of the floor."""
 
     x: Array
     """(W,) metres."""

@@ -34,7 +34,7 @@ from tracker.synthesis.simulation.sequence import Recipe, fill_folder, simulate
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be filmed, and where."""
+    """Recipe of a simulated recording: movement and place."""
 
     recipe: Recipe
     body: BodyModel
@@ -53,7 +53,7 @@ class Plan:
         return int(seen_whole(self.rig, np.array(self.place), stature_m, share))
 
     def prospect(self, edge_px: float) -> Prospect:
-        """What is to be expected with edges of a standard deviation, px."""
+        """Expected errors for edges of a standard deviation, px."""
         scene = Scene((Person("person1", self.body, self.poses[0]),), self.rig)
         return prospect(scene, self.poses, CpuSynthesis(), edge_px)
 
@@ -102,7 +102,7 @@ def film(plan: Plan, expected: Prospect, folder: Path, progress: Progress = sile
         plan: what to film.
         expected: what to expect of it.
         folder: must not exist, or be empty.
-        progress: told how far it is.
+        progress: gets the progress.
 
     Returns:
         The path of the recording's `run.toml`.

@@ -1,4 +1,4 @@
-"""Movements as functions of time, as the body's model file describes them."""
+"""Movements as functions of time, from the body's model file."""
 
 from __future__ import annotations
 

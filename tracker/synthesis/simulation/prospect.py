@@ -1,4 +1,4 @@
-"""What is to be expected of cameras before anything is filmed: sigmas, what each view adds, what stays hidden."""
+"""Expected accuracy of cameras before filming: sigmas, gain of each view, hidden parts."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def view_information(scene: Scene, poses: Array, synthesis: Synthesis, edge_px: 
 def covariances(body: BodyModel, information: Array, views: Sequence[int]) -> Array:
     """Covariances (B, dof, dof) of poses seen by some views.
 
-    What no view shows is held by the prior that the refinement has, 15 degrees and 0.15 m.
+    The refinement's prior, 15 degrees and 0.15 m, holds parameters that no view shows.
 
     Args:
         body: the person.
@@ -88,10 +88,9 @@ def joint_sigmas(body: BodyModel, poses: Array, covariance: Array) -> Array:
 
 
 def best_views(body: BodyModel, poses: Array, information: Array) -> dict[int, tuple[int, ...]]:
-    """For every number of views those that together measure the joints best; from 2 to all of them.
+    """For every number of views, from 2 to all, the views that together measure the joints best.
 
-    Where there are too many subsets of a size to look through, the next larger one is left without its least useful
-    view.
+    If there are too many subsets of a size, the next larger one is left without its least useful view.
 
     Args:
         body: the person.
@@ -115,7 +114,7 @@ def best_views(body: BodyModel, poses: Array, information: Array) -> dict[int, t
 
 
 SHOWN = 0.25
-"""Share of a segment's surface that a view must show to tell where it is."""
+"""Share of a segment's surface that a view must show to locate it."""
 
 NEARLY = 1.5
 """Times the error of all cameras that fewer may have and still do."""
@@ -126,7 +125,7 @@ _POSES = 20
 
 @dataclass(frozen=True)
 class Views:
-    """What some of the cameras reach."""
+    """Accuracy of some of the cameras."""
 
     names: tuple[str, ...]
     sigma_mm: float
@@ -142,7 +141,7 @@ class Views:
 
 @dataclass(frozen=True)
 class Prospect:
-    """What is to be expected of one person and movement."""
+    """Expected accuracy for one person and movement."""
 
     joints_mm: dict[str, tuple[float, float]]
     """Joint -> its standard deviation, root mean square over the frames, and the largest."""

@@ -38,7 +38,7 @@ _MOMENTS = 8
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a simulated recording shows."""
+    """Content of a simulated recording."""
 
     movement: str = ""
     """Name in the model's file; empty for the first one there."""
@@ -64,13 +64,13 @@ class Recipe:
     """Standard deviation of the lens blur, px."""
 
     light: float = 1.0
-    """How bright it is, usually 1; noise and blur stay."""
+    """Brightness, usually 1; noise and blur stay."""
 
     exposure_s: float = 0.0
-    """How long the shutter is open, around a frame's time; what moves meanwhile is smeared. 0: no time at all."""
+    """Shutter time, around a frame's time; movements meanwhile are blurred. 0: no time at all."""
 
     delays_s: tuple[float, ...] = ()
-    """How much later than told each view sees a frame; empty for cameras in step."""
+    """Delay of each view; empty for cameras in step."""
 
     repeats_from: tuple[int | None, ...] = ()
     """Number of the frame from which on each view shows the frame before; None for none, empty for no view."""
@@ -79,7 +79,7 @@ class Recipe:
     """Of the videos' compression, 0 to 51: of 14 nothing is seen, 23 is usual, 35 coarse."""
 
     wardrobe: int = 0
-    """Which clothes the first person wears, and the next ones from there on: 2 are of one dark colour."""
+    """Clothes of the first person, and the next ones from there on: 2 are of one dark colour."""
 
     seed: int = 0
 
@@ -252,7 +252,7 @@ def write_sequence(recipe: Recipe, folder: Path, progress: Progress = silent) ->
     Args:
         recipe: what to simulate.
         folder: must not exist, or be empty.
-        progress: told how far it is.
+        progress: gets the progress.
 
     Returns:
         The path of `config.toml`.
@@ -272,7 +272,7 @@ def fill_folder(simulation: Simulation, folder: Path, config: Path, progress: Pr
         simulation: what to write.
         folder: where to.
         config: name of its configuration, in the folder.
-        progress: told how far it is.
+        progress: gets the progress.
     """
     _write_plates(simulation, folder / "background")
     _write_videos(simulation, folder, progress)
