@@ -49,6 +49,9 @@ make_environment() {
         fi
     fi
     say "installing bodytrack$1 into .venv (the first time takes a minute or two)"
-    .venv/bin/python -m pip install --quiet --disable-pip-version-check -e ".$1" ||
+    # 50 s of CPU to compile all that comes; what is imported is compiled then, and kept, unless Python is told not to
+    compile=--no-compile
+    [ -z "${PYTHONDONTWRITEBYTECODE:-}" ] || compile=--compile
+    .venv/bin/python -m pip install --quiet --disable-pip-version-check "$compile" -e ".$1" ||
         fail "pip could not install the package; is the package index reachable?"
 }
