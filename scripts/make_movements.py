@@ -56,6 +56,9 @@ _SIMULATED = {
 _TOLD_BY = {"squat": ("left_thigh", "left_shin", "right_thigh", "right_shin", "vertical")}
 """What counts of a movement in which the arms may do anything: people squat with arms raised, crossed or hanging."""
 
+_STAYING = ("walking_on_the_spot",)
+"""What is done in one place."""
+
 _STANCES: dict[str, dict[str, float]] = {
     "upright": {"arm_abduction": 8, "arm_extension": 10},
     "astride": {"arm_abduction": 12, "arm_extension": 15, "leg_abduction": 15},
@@ -97,7 +100,8 @@ def _fill(output: Path, motions: Path) -> None:
     for name, (from_s, to_s, repeats) in _SIMULATED.items():
         times = np.arange(from_s, to_s, 0.02)
         about = body.movements[name].about
-        told = Description(about=about, repeats=repeats, told_by=_TOLD_BY.get(name, ()), source=_OWN)
+        stays, told_by = name in _STAYING, _TOLD_BY.get(name, ())
+        told = Description(about=about, repeats=repeats, told_by=told_by, stays=stays, source=_OWN)
         add_performance(output, name, "gavrila22", course_of(body, times, poses_of(name, body, times)), told)
     for name, one in everyday().items():
         # of what repeats, two rounds and a half hold the one that is kept

@@ -111,6 +111,18 @@ def test_body_models_compare():
     assert np.sqrt(np.mean(gaps**2)) < 6
 
 
+def test_who_goes_over_the_floor_does_not_walk_on_the_spot():
+    times = np.arange(0, 3, 0.04)
+    poses = poses_of("walking_on_the_spot", BODY, times)
+    staying = recognize(course_of(BODY, times, poses), LIBRARY)
+    assert [one.movement for one in staying] == ["walking_on_the_spot"]
+    assert staying[0].speed < 0.05
+    poses[:, BODY.index("torso_x")] += 0.8 * times
+    going = course_of(BODY, times, poses)
+    assert going.speed == pytest.approx(0.8 / 0.85, rel=0.1)
+    assert "walking_on_the_spot" not in [one.movement for one in recognize(going, LIBRARY)]
+
+
 def test_frames_are_interpolated_over_short_gaps_only():
     poses = poses_of("walking_on_the_spot", BODY, np.arange(0, 3, 0.02))
     lost = poses.copy()
@@ -335,7 +347,7 @@ def test_a_library_may_be_of_one_movement():
     assert (found.movement, found.second, found.second_deg) == ("kick", "", math.inf)
     rows = list(table_rows({"anna": timeline(asked, (found,))}))
     assert [row[1] for row in rows] == ["movement", "unknown", "kick"]
-    assert {len(row) for row in rows} == {12}
+    assert {len(row) for row in rows} == {13}
 
 
 def test_the_strip_shows_every_movement():

@@ -125,6 +125,20 @@ class Course:
     features: Features = PERSONS
     """Meaning of the directions."""
 
+    places: Array | None = None
+    """(T, 2) where the hips are over the floor, in lengths of a leg; None where nobody has told."""
+
+    @property
+    def speed(self) -> float:
+        """How fast the hips go over the floor, leg lengths a second, in the middle; NaN where that is not known.
+
+        Steps sway: they are left out by looking at ways of a second.
+        """
+        n = round(RATE_HZ)
+        if self.places is None or len(self.places) <= n:
+            return np.nan
+        return float(np.median(np.linalg.norm(self.places[n:] - self.places[:-n], axis=1)))
+
     @property
     def times_s(self) -> Array:
         """(T,) seconds."""
@@ -139,11 +153,13 @@ class Course:
     def part(self, first: int, behind: int) -> Course:
         """Some of the frames."""
         start, directions = self.start_s + first / RATE_HZ, self.directions[first:behind]
-        return replace(self, start_s=start, directions=directions, known=self.known[first:behind])
+        places = None if self.places is None else self.places[first:behind]
+        return replace(self, start_s=start, directions=directions, known=self.known[first:behind], places=places)
 
     def part_known(self) -> Course:
         """The known frames, joined."""
-        return replace(self, directions=self.directions[self.known], known=self.known[self.known])
+        places = None if self.places is None else self.places[self.known]
+        return replace(self, directions=self.directions[self.known], known=self.known[self.known], places=places)
 
     def mirrored(self) -> Course:
         """The same movement with left and right exchanged, of a body with sides."""
@@ -189,11 +205,18 @@ def course(times_s: Array, joints: Array) -> Course:
         times_s: (T,) seconds, rising.
         joints: (T, 12, 3) in the order of `JOINTS`; NaN where unknown.
     """
-    return _even(times_s, limb_directions(joints), PERSONS)
+    return _even(times_s, limb_directions(joints), PERSONS, _over_floor(joints))
 
 
-def _even(times_s: Array, directions: Array, features: Features) -> Course:
-    """Directions (T, L, 3) at any times (T,), interpolated at even ones."""
+def _over_floor(joints: Array) -> Array:
+    """(T, 2) places of the hips, in lengths of a leg, of joints (T, 12, 3) with z up."""
+    legs = [np.linalg.norm(np.diff(joints[:, k : k + 3], axis=1), axis=2).sum(axis=1) for k in (3, 9)]
+    places: Array = (joints[:, 3, :2] + joints[:, 9, :2]) / 2 / np.nanmedian(legs)
+    return places
+
+
+def _even(times_s: Array, directions: Array, features: Features, places: Array | None = None) -> Course:
+    """Directions (T, L, 3) and places (T, 2) at any times (T,), interpolated at even ones."""
     good = np.flatnonzero(np.isfinite(directions).all(axis=(1, 2)))
     n_frames = int(np.floor((times_s[-1] - times_s[0]) * RATE_HZ + 1e-6)) + 1
     even = times_s[0] + np.arange(n_frames) / RATE_HZ
@@ -209,7 +232,9 @@ def _even(times_s: Array, directions: Array, features: Features) -> Course:
     inside = (even >= at[0] - 1e-6) & (even <= at[-1] + 1e-6)
     near = np.abs(after - even) < 1e-5
     known = inside & (near | (after - ahead <= _LONGEST_GAP_S))
-    return Course(float(times_s[0]), frozen(values, np.float32), frozen(known, np.bool_), features)
+    if places is not None:
+        places = frozen(np.stack([np.interp(even, at, column) for column in places[good].T], axis=1))
+    return Course(float(times_s[0]), frozen(values, np.float32), frozen(known, np.bool_), features, places)
 
 
 def course_of(body: BodyModel, times_s: Array, poses: Array) -> Course:
@@ -223,9 +248,11 @@ def course_of(body: BodyModel, times_s: Array, poses: Array) -> Course:
     lost: Mask = np.asarray(~np.isfinite(poses).all(axis=1))
     placed, called = np.where(lost[:, None], body.rest(), poses), meant(JOINTS, body)
     if len(called.rows) == len(JOINTS):
-        features, directions = PERSONS, limb_directions(body.points_in_world(placed, called.points, called.ends))
+        joints = body.points_in_world(placed, called.points, called.ends)
+        features, directions, places = PERSONS, limb_directions(joints), _over_floor(joints)
     else:
+        places = None
         features = features_of(body)
         directions = segment_directions(body, features, placed)
     directions[lost] = np.nan
-    return _even(times_s, directions, features)
+    return _even(times_s, directions, features, places)

@@ -43,6 +43,9 @@ class Description(pydantic.BaseModel):
     told_by: tuple[str, ...] = ()
     """Decisive directions, for instance those of the legs if the arms may do anything; empty for all."""
 
+    stays: bool = False
+    """Whether the person stays in one place: who goes over the floor does something else."""
+
     source: str = ""
     """Source of the performances, and their licence."""
 
@@ -243,7 +246,7 @@ def add_performance(
         )
     path.parent.mkdir(parents=True, exist_ok=True)
     if known is None:
-        content = {key: value for key, value in description.model_dump().items() if value not in ("", ())}
+        content = description.model_dump(exclude_defaults=True) | {"repeats": description.repeats}
         write_whole(path.parent / "movement.toml", tomli_w.dumps(content))
     write_whole(path, _table(kept))
     return path, kept

@@ -154,7 +154,7 @@ def _tell_incomplete(person: PersonErrors) -> None:
 BUNDLED = "bundled"
 """The library that comes with the package, in place of a folder."""
 
-_COLUMNS = ("from s", "to s", "angle deg", "misfit", "size", "tempo", "next best", "its angle")
+_COLUMNS = ("from s", "to s", "angle deg", "misfit", "size", "tempo", "speed", "next best", "its angle")
 
 
 def recognize(
@@ -224,7 +224,7 @@ def _print(persons: dict[str, tuple[Stretch, ...]], n_known: int) -> None:
             what = f"{one.movement} (mirrored)" if one.mirrored else one.movement
             second = (one.second, f"{one.second_deg:.1f}") if one.second else ("none fits its length", "")
             alike = f"{one.angle_deg:.1f}", f"{one.misfit:.2f}"
-            done = ("", "") if one.size != one.size else (f"{one.size:.2f}", f"{one.tempo:.2f}")
+            done = ("" if value != value else f"{value:.2f}" for value in (one.size, one.tempo, one.speed))
             numbers = f"{one.start_s:.2f}", f"{one.end_s:.2f}", *alike, *done
             table.add_row(what, *numbers, *second)
         console.print(table)
@@ -233,7 +233,8 @@ def _print(persons: dict[str, tuple[Stretch, ...]], n_known: int) -> None:
     console.print(
         "angle: RMS between the limbs of the person and of the known movement; "
         "misfit: that angle over the largest that counts; "
-        "size, tempo: how many times as large and as fast as the known one",
+        "size, tempo: how many times as large and as fast as the known one; "
+        "speed: over the floor, leg lengths a second",
         style="dim",
     )
 
