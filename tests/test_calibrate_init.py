@@ -218,7 +218,7 @@ def test_a_pdf_is_as_large_as_the_paper_and_tells_the_configuration(tmp_path: Pa
         (["b.png"], "expected a .pdf"),
         (["b.pdf", "--dictionary", "9x9"], 'dictionary = "9x9"'),
         (["b.pdf", "--columns", "20", "--rows", "20"], "has 200 markers, and dictionary"),
-        (["b.pdf", "--plain", "--both-sides"], "does not tell its sides"),
+        (["b.pdf", "--plain", "--both-sides"], "looks the same from both sides"),
     ],
 )
 def test_boards_that_cannot_be_printed_are_refused(words: list[str], told: str, tmp_path: Path) -> None:

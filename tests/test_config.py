@@ -95,7 +95,7 @@ def test_overrides_reach_entries_of_lists(written):
         (GOOD.replace("stature_m", "statur_m"), 'unknown key "statur_m"; did you mean "stature_m"'),
         (
             GOOD.replace("= 1.7", "= 170"),
-            "stature_m = 170: expected less than or equal to 5 .height the model",
+            "stature_m = 170: expected less than or equal to 5 .height that the model",
         ),
         (
             GOOD.replace("rig =", "downscale = 0, rig ="),

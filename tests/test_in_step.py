@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numbered_pictures import KINDS, VIEWS, pictures_of, shown, write_video
-from tracker.running.jobs._told import looked_at
 
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import ConfigError
@@ -22,6 +21,7 @@ from tracker.images.reading.video import VideoReading
 from tracker.results.result import load_result
 from tracker.running.jobs import execute, load_job
 from tracker.running.jobs._delivery import in_step
+from tracker.running.jobs._messages import looked_at
 from tracker.running.viewing.images import images_of
 from tracker.synthesis.simulation.sequence import Recipe, write_sequence
 

@@ -67,7 +67,7 @@ class DeparturesEvidence(Evidence):
     """Change in a channel from which on a pixel departs from its background, grey levels."""
 
     least_odds: float = pydantic.Field(default=1.0, ge=0)
-    """Least logarithm of the odds of a colour in the person against the surroundings, for a colour of the person."""
+    """Logarithm of the least factor by which a colour of the person is more frequent in the person than beside it."""
 
     around: float = pydantic.Field(default=0.12, ge=0, le=1)
     """Search region around the prediction, as a share of an image's longer side."""

@@ -161,7 +161,7 @@ def name_fault(name: str) -> str:
     if len(name.encode(errors="replace")) > _LONGEST_NAME:
         return f"{name[:20]!r}...: a name of {len(name)} characters, expected at most {_LONGEST_NAME} bytes"
     wrong = next((sign for sign in name if sign in "/\\" or not sign.isprintable()), "")
-    return f"{name!r}: {wrong!r} in a name that becomes part of file names" if wrong else ""
+    return f"{name!r}: {wrong!r} in the name, expected a name that files can have" if wrong else ""
 
 
 _LONGEST_NAME = 120

@@ -162,7 +162,7 @@ class KeypointFiles:
     """Size of the detector's images over that of the tracked ones; default: as recorded."""
 
     least_confidence: float = pydantic.Field(default=0.3, ge=0, le=1)
-    """Least confidence of a keypoint, 0 to 1."""
+    """Least confidence of a keypoint, a share of 1."""
 
     def opened(self, rig: Rig) -> KeypointViews:
         """The files of all views.

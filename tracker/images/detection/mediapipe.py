@@ -30,7 +30,7 @@ class MediaPipeDetection:
     """`full` is in the package. `heavy` is three times as slow, and the package downloads it on first use."""
 
     least_confidence: float = pydantic.Field(default=0.5, gt=0, le=1)
-    """Certainty from which on something is a person, 0 to 1."""
+    """Least certainty of a person, a share of 1."""
 
     def open(self) -> Finder:
         """Loads the network; see `tracker.images.detection.Detection.open`."""

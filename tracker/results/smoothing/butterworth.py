@@ -26,7 +26,7 @@ class Butterworth(Stretchwise):
     """Butterworth of fourth order, run forwards and backwards (Winter, Biomechanics of human movement, 2.2.4.4)."""
 
     cutoff_hz: float = pydantic.Field(default=6.0, gt=0)
-    """Frequency above which movement counts as jitter, Hz: 6 for walking, 12 for kicks."""
+    """Frequency above which movement counts as jitter, waves per second (Hz): 6 for walking, 12 for kicks."""
 
     def check(self, interval_s: float) -> None:
         """Half the frame rate is the highest frequency there is; see `tracker.results.smoothing.Smoothing.check`."""
