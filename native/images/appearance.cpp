@@ -4,6 +4,8 @@
 #include <cstdlib>
 #include <vector>
 
+#include "images/channels.hpp"
+
 namespace bodytrack::images {
 
 namespace {
@@ -23,16 +25,6 @@ Index mirrored(Index at, Index n) {
     if (n == 1) return 0;
     while (at < 0 || at >= n) at = at < 0 ? -at : 2 * (n - 1) - at;
     return at;
-}
-
-// Takes a row of n pixels apart into its channels, n after n.
-void part_channels(const Byte *__restrict pixels, Index n, Byte *__restrict blue, Byte *__restrict green,
-                   Byte *__restrict red) {
-    for (Index k = 0; k < n; k++) {
-        blue[k] = pixels[3 * k];
-        green[k] = pixels[3 * k + 1];
-        red[k] = pixels[3 * k + 2];
-    }
 }
 
 // Lightness, and of Cr and Cb the place of chroma; ITU-R BT.601 in fixed-point numbers of 14 bits, as `cv2.cvtColor`.
@@ -95,7 +87,8 @@ class Rows {
           from_(std::max(left_, Index(0))), end_(std::min(left_ + wide_, image.shape[1])),
           first_(std::max(from_ - 1, Index(0))), n_(std::min(end_ + 1, image.shape[1]) - first_), kept_(HELD, -1),
           parted_(std::size_t(3 * n_)), lightness_(std::size_t(HELD * (n_ + 2))), places_(std::size_t(HELD * n_)),
-          slopes_(std::size_t(2 * wide_)), sums_(std::size_t(2 * HELD * width), 0), windows_(std::size_t(2 * width), 0), means_(windows_.size()) {
+          slopes_(std::size_t(2 * wide_)), sums_(std::size_t(2 * HELD * width), 0),
+          windows_(std::size_t(2 * width), 0), means_(windows_.size()) {
         for (Index row = y - HALF; row < y + HALF; row++) add(row);
     }
 

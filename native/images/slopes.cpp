@@ -4,6 +4,8 @@
 #include <cstdlib>
 #include <vector>
 
+#include "images/channels.hpp"
+
 namespace bodytrack::images {
 
 namespace {
@@ -21,16 +23,6 @@ struct Rows {
 struct Strongest {
     Slope *dx, *dy, *strength;
 };
-
-// Takes a row of pixels (3 w) apart into its channels (3, w).
-void part_channels(const Byte *__restrict levels, Index width, Byte *__restrict blue, Byte *__restrict green,
-                   Byte *__restrict red) {
-    for (Index x = 0; x < width; x++) {
-        blue[x] = levels[3 * x];
-        green[x] = levels[3 * x + 1];
-        red[x] = levels[3 * x + 2];
-    }
-}
 
 // Replaces the slopes of a row's inner pixels where this channel's are stronger. 255 grey levels eight times over leave
 // room in 16 bits.
