@@ -7,22 +7,19 @@ import csv
 import html
 import io
 import re
-import warnings
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import pytest
 from browser import PROGRAM, browser
 from doubted import in_doubt
 from motions import LOST, N_FRAMES, Movement, made_up
-from scipy.spatial.transform import Rotation
 
 import tracker
 from tracker.cameras.frame import Frame
 from tracker.foundation.errors import SequenceError
-from tracker.results.recording._anatomical import IsbSeries, _euler, angles_of, joints_of
+from tracker.results.recording._anatomical import IsbSeries, angles_of, joints_of
 from tracker.results.recording._series import Series
 from tracker.results.recording.csv_table import CsvTable
 from tracker.results.recording.overlay import Overlay
@@ -142,16 +139,6 @@ def test_joint_angles_are_told_left_beside_right_and_to_take_along(tmp_path: Pat
     assert told["knee flexion"][0] != told["knee flexion"][1] != ""
     assert told["trunk flexion"][1] == ""
     assert IsbSeries.of(made_up("quadruped").scene.persons[0]).joints == []
-
-
-@pytest.mark.parametrize("order", ["ZXY", "YXY"])
-def test_turns_about_moving_axes_are_those_of_scipy(order: Literal["ZXY", "YXY"]) -> None:
-    axes_coincide = [[0.3, angle, 0.2] for angle in (0.0, np.pi / 2, np.pi, -np.pi / 2)]
-    turns = Rotation.concatenate([Rotation.random(500, random_state=1), Rotation.from_euler(order, axes_coincide)])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that some do
-        apart = _euler(turns.as_matrix(), order) - turns.as_euler(order)
-    np.testing.assert_allclose(np.remainder(apart + np.pi, 2 * np.pi), np.pi, rtol=0, atol=1e-12)
 
 
 def test_sigmas_of_joint_angles_are_those_of_drawn_poses() -> None:
