@@ -150,6 +150,9 @@ def test_of_two_cameras_face_to_face_a_run_says_that_they_do_not_tell_who_faces_
     doubts = Doubts().after(begun)
     assert ("do not tell who faces where" in doubts.sentence()) == told == (not doubts.none)
     assert begun.start_confidence == pytest.approx((FACES_RIGHTLY if told else 1.0,))
+    kept = replay_of(line_of(begun).encode())
+    again = replace(begun, start=None, told_confidence=kept.start_confidence, told_unfaced=kept.unfaced)
+    assert Doubts().after(again).sentence() == doubts.sentence(), "also when a run is resumed"
 
 
 @given(st.sets(st.integers(0, 60)))

@@ -246,6 +246,7 @@ def replayed(scene: Scene, replays: Iterable[Replay]) -> Iterator[Step]:
             untrusted=replay.untrusted,
             strangers=replay.strangers,
             told_confidence=replay.start_confidence,
+            told_unfaced=replay.unfaced,
         )
 
 

@@ -204,4 +204,4 @@ def replayed(frame: Frame, scene: Scene, cycle: Cycle, replay: Replay, start: St
     model_px = covered_px(cycle.synthesis.silhouettes(scene) if compared else (), replay.tracked)
     step = Step(frame, scene, replay.tracked, fitted, dict(replay.seconds), replay.overlap)
     step = replace(step, model_px=model_px, untrusted=replay.untrusted, strangers=replay.strangers)
-    return replace(step, start=start, told_confidence=replay.start_confidence)
+    return replace(step, start=start, told_confidence=replay.start_confidence, told_unfaced=replay.unfaced)

@@ -66,6 +66,9 @@ class Step:
     told_confidence: tuple[float, ...] = ()
     """Its `start_confidence`, if the start itself is unknown: a journal does not keep it."""
 
+    told_unfaced: bool = False
+    """The same of `may_face_the_other_way`."""
+
     @property
     def start_confidence(self) -> tuple[float, ...]:
         """For each person the share of such starts that are right, see `start.confidence`; empty without one.
@@ -82,8 +85,10 @@ class Step:
     @property
     def may_face_the_other_way(self) -> bool:
         """Whether persons were found by two cameras alone that face each other: nothing shows who faces where."""
-        found = self.start is not None and not (self.start.given or self.start.by_keypoints)
-        return found and opposite_deg(self.scene.rig) > 0
+        if self.start is None:
+            return self.told_unfaced
+        told = self.start.given or self.start.by_keypoints
+        return not told and opposite_deg(self.scene.rig) > 0
 
 
 @dataclass(frozen=True)
@@ -105,6 +110,9 @@ class Replay:
 
     start_confidence: tuple[float, ...] = ()
     """As in `Step`."""
+
+    unfaced: bool = False
+    """`Step.may_face_the_other_way`."""
 
     as_tracked: tuple[Array, ...] = ()
     """As in `Step`."""

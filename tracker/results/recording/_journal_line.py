@@ -180,6 +180,7 @@ def replay_of(line: bytes) -> Replay:
         untrusted={int(v): str(fault) for v, fault in entry["untrusted"].items()},
         strangers=bool(entry.get("strangers", False)),
         start_confidence=_confidences(entry.get("start_confidence", [])),
+        unfaced=bool(entry.get("unfaced", False)),
         as_tracked=_poses(entry.get("as_tracked", []), entry["estimates"]),
     )
 
@@ -193,6 +194,7 @@ def _line(step: Step) -> dict[str, Any]:
         "untrusted": {str(v): fault for v, fault in step.untrusted.items()},
         **({"strangers": True} if step.strangers else {}),
         **({"start_confidence": list(step.start_confidence)} if step.start_confidence else {}),
+        **({"unfaced": True} if step.may_face_the_other_way else {}),
         "estimates": [_to_json(estimate) for estimate in step.estimates],
         **({"as_tracked": [_packed(q) for q in step.as_tracked]} if step.as_tracked else {}),
     }
