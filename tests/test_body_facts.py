@@ -149,11 +149,11 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "no stances": (lambda m: m["start"].update(stances_deg=[]), r"start\.stances_deg: .*at least 1 item"),
     "name of a path": (
         lambda m: m.update(name="../../x"),
-        r"name: '../../x': '/' in a name that becomes part of file names",
+        r"name: '../../x': '/' in the name, expected a name that files can have",
     ),
     "movement of a path": (
         lambda m: m["movements"].update({"../x": m["movements"][CURVES]}),
-        r"movements: '../x': '/' in a name that becomes part of file names",
+        r"movements: '../x': '/' in the name, expected a name that files can have",
     ),
     "no joint": (lambda m: m["joints"].update(evaluated=["elbw"]), r'joints\.evaluated: no landmark "elbw"'),
     "no alias": (lambda m: m["joints"].update(aliases={"hed": ["x"]}), r'joints\.aliases: no landmark "hed"'),

@@ -30,7 +30,7 @@ def test_a_library_on_disk_is_what_was_added(tmp_path):
         add_performance(tmp_path / "mine", "kick", "anna", asked, told)
     with pytest.raises(ConfigError, match="--no-repeats"):
         add_performance(tmp_path / "mine", "kick", "ben", asked, Description(repeats=True))
-    with pytest.raises(ConfigError, match="in a name"):
+    with pytest.raises(ConfigError, match="in the name"):
         add_performance(tmp_path / "mine", "../kick", "ben", asked, told)
     for n_frames, repeats, length in ((5, False, "0.20"), (1, True, "0.04")):
         with pytest.raises(ConfigError, match=f"{length} s, expected 0.32 to 60 s"):
