@@ -116,7 +116,7 @@ RULES = (
          (f"{_TRACKING}.cycle_turn:weighed",), _argument(1),
          _told_otherwise),
     Rule("found_anew", "way back", "statuses are rewritten after both ways", "42",
-         (f"{_TRACKING}.windows:_found_anew",), _argument(0), _told_otherwise),
+         (f"{_TRACKING}.windows:told_in_time", f"{_TRACKING}.coming_in:told_in_time"), _as_list, _told_otherwise),
     Rule("jumps", "doubt", "limbs that jump are doubted", "27",
          (f"{_TRACKING}.windows:with_jumps", f"{_TRACKING}.coming_in:with_jumps"), _as_list, _told_otherwise),
     Rule("vague", "doubt", "limbs that one view shows, or whose joints are vague, are doubted", "21, 22",

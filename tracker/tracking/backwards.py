@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -11,6 +11,7 @@ from tracker.images.sight import Sight
 from tracker.tracking.clock import Clock
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.cycle_turn import advance
+from tracker.tracking.estimate import Status
 from tracker.tracking.rehearsal import Reopen
 from tracker.tracking.trajectory import History, Replay, Step
 
@@ -78,6 +79,34 @@ def turned(state: State, step: Step) -> State:
     """
     known = (None if one.lost else History.start(0.0, one.q) for one in step.estimates)
     return replace(state, histories=tuple(known))
+
+
+def told_in_time(steps: Sequence[Step], before: Step | None, first: Sequence[Step] = ()) -> list[Step]:
+    """Steps, with persons called found anew in the frame after a loss, not in the last one before a loss.
+
+    A way back finds a person anew where he leaves, and follows him to where he comes in.
+
+    Args:
+        steps: of both ways, in the order of time.
+        before: the step before them.
+        first: the same frames by a first pass, which knows who was found for the first time; if empty, a person who was
+            never there before was followed back to where he comes in.
+    """
+    told = list(steps)
+    for k in range(len(steps[0].estimates)):
+        lost = [before is not None and before.estimates[k].lost, *(step.estimates[k].lost for step in steps), False]
+        for n, step in enumerate(steps):
+            mine = step.estimates[k]
+            status, of_first = mine.status, first[n].estimates[k].status if first else Status.RECOVERED
+            if lost[n] and status in (Status.TRACKED, Status.RECOVERED):
+                came_in = not first and all(lost[1 : n + 1])
+                status = of_first if of_first is Status.BOOTSTRAPPED else Status.RECOVERED
+                status = Status.TRACKED if came_in else status
+            elif lost[n + 2] and status is Status.RECOVERED:
+                status = Status.TRACKED
+            others = told[n].estimates
+            told[n] = replace(told[n], estimates=(*others[:k], replace(mine, status=status), *others[k + 1 :]))
+    return told
 
 
 def as_replay(step: Step) -> Replay:

@@ -10,10 +10,9 @@ import numpy as np
 
 from tracker.bodies.scene import Scene
 from tracker.images.sight import Sight
-from tracker.tracking.backwards import as_replay, frames_before, turned
+from tracker.tracking.backwards import as_replay, frames_before, told_in_time, turned
 from tracker.tracking.bootstrapping import unfound
 from tracker.tracking.cycle import Cycle
-from tracker.tracking.estimate import Status
 from tracker.tracking.jumps import with_jumps
 from tracker.tracking.loss import Troubles
 from tracker.tracking.rehearsal import Reopen
@@ -57,7 +56,8 @@ def before_all(steps: Sequence[Step], at: Pass, begin: int, cycle: Cycle, reopen
         if cycle.leaving() or seen_s - (turn_s - back[-1].frame.time_s) >= _GONE_S:
             break
     # a limb may jump between two windows as well
-    there = [step for step in _told_forwards([first, *with_jumps(found)])[1:] if turn_s - step.frame.time_s >= seen_s]
+    in_time = told_in_time([first, *with_jumps(found)][::-1], None)[:-1]
+    there = [step for step in in_time if turn_s - step.frame.time_s >= seen_s]
     return {step.frame.index: replace(as_replay(step), time_s=turn_s - step.frame.time_s) for step in there}
 
 
@@ -79,29 +79,6 @@ def _turned(at: Pass, steps: Sequence[Step], cycle: Cycle) -> Pass:
         waiting = (History.start(0.0, one.q) if n_lost < soon else None for one, n_lost in pairs)
         state = replace(state, histories=tuple(waiting))
     return replace(at, scene=first.scene, state=state, before=replace(first, frame=replace(first.frame, time_s=0.0)))
-
-
-def _told_forwards(steps: Sequence[Step]) -> list[Step]:
-    """Steps tracked back, the latest first; persons lost before are called found anew, in the order of time.
-
-    On the way back a person is found anew in the last frame before leaving. A person who comes in for the first time
-    was followed back to that frame.
-    """
-    told = list(steps)
-    for k in range(len(steps[0].estimates)):
-        lost = [step.estimates[k].lost for step in steps]
-        for n, step in enumerate(steps):
-            status = step.estimates[k].status
-            lost_before, lost_after = lost[n + 1 : n + 2] == [True], n > 0 and lost[n - 1]
-            back_again = lost_before and not all(lost[n + 1 :])
-            if status is Status.TRACKED and back_again:
-                status = Status.RECOVERED
-            elif status is Status.RECOVERED and not back_again and (lost_before or lost_after):
-                status = Status.TRACKED
-            estimates = list(told[n].estimates)
-            estimates[k] = replace(estimates[k], status=status)
-            told[n] = replace(told[n], estimates=tuple(estimates))
-    return told
 
 
 def _anybody(step: Step) -> bool:

@@ -16,11 +16,10 @@ from tracker.bodies.limbs import are_apart
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.images.sight import Sight
-from tracker.tracking.backwards import tracked_back, turned
+from tracker.tracking.backwards import told_in_time, tracked_back, turned
 from tracker.tracking.clock import Clock
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.easier_start import LedBack
-from tracker.tracking.estimate import Status
 from tracker.tracking.jumps import with_jumps
 from tracker.tracking.loss import LossRule, doubted
 from tracker.tracking.rehearsal import Reopen
@@ -142,7 +141,7 @@ def both_ways(
     found = first if again is None else again
     judged = with_jumps(found, begin.before)
     if again is not None:
-        judged = _found_anew(judged, first, begin.before)
+        judged = told_in_time(judged, begin.before, first)
     unconfirmed, led = _unconfirmed(begin, judged), reached.back
     if unconfirmed:
         judged = doubtful_in_all(judged, unconfirmed)
@@ -161,29 +160,6 @@ def _unconfirmed(begin: Pass, steps: Sequence[Step]) -> dict[int, float]:
 def _still_to_tell(back: LedBack | None, last: Frame) -> LedBack | None:
     """The start in a later frame than those of a window, for frames that are tracked on from the window."""
     return None if back is None or back.index <= last.index else replace(back, replays={})
-
-
-def _found_anew(steps: Sequence[Step], first: Sequence[Step], before: Step | None) -> list[Step]:
-    """Steps of a way back, with persons lost in the frame before, not in the one after, called found anew.
-
-    Args:
-        steps: results of both ways.
-        first: by the first pass, which knows the persons found for the first time.
-        before: the step before them.
-    """
-    told = list(steps)
-    for k in range(len(steps[0].estimates)):
-        lost = [before is not None and before.estimates[k].lost, *(step.estimates[k].lost for step in steps), False]
-        for n, step in enumerate(steps):
-            status, forwards = step.estimates[k].status, first[n].estimates[k].status
-            if lost[n] and status is Status.TRACKED:
-                status = forwards if forwards in (Status.BOOTSTRAPPED, Status.RECOVERED) else Status.RECOVERED
-            elif lost[n + 2] and not lost[n] and status is Status.RECOVERED:
-                status = Status.TRACKED
-            estimates = list(told[n].estimates)
-            estimates[k] = replace(estimates[k], status=status)
-            told[n] = replace(told[n], estimates=tuple(estimates))
-    return told
 
 
 def _alike(steps: Sequence[Step], others: Sequence[Step]) -> bool:
