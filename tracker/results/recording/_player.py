@@ -23,7 +23,7 @@ from tracker.bodies.scene import Person
 from tracker.cameras.camera import Camera
 from tracker.foundation.arrays import Array, Image, Integers, Mask
 from tracker.results.recording import RunContext
-from tracker.results.recording._drawing import doubted_parts
+from tracker.results.recording._drawing import doubted_parts, film_frame
 from tracker.results.recording._motion import Motion, Motions
 from tracker.tracking.doubt import in_words
 from tracker.tracking.estimate import Estimate
@@ -71,8 +71,7 @@ class Preview:
             )
             self._stream.width, self._stream.height = self.size
             self._stream.pix_fmt = "yuv420p"
-        frame = av.VideoFrame.from_ndarray(self.drawn(step), format="bgr24")
-        self._container.mux(self._stream.encode(frame))
+        self._container.mux(self._stream.encode(film_frame(self.drawn(step))))
 
     def drawn(self, step: Step) -> Image:
         """All views side by side: doubtful parts are orange, a missing image is grey."""

@@ -7,7 +7,6 @@ from fractions import Fraction
 from pathlib import Path
 
 import av
-import numpy as np
 import pydantic
 from av.container import OutputContainer
 from av.packet import Packet
@@ -16,7 +15,7 @@ from av.video.stream import VideoStream
 from tracker.foundation.configuration.components import component
 from tracker.foundation.files import Successor
 from tracker.results.recording import RunContext
-from tracker.results.recording._drawing import draw_step
+from tracker.results.recording._drawing import draw_step, film_frame
 from tracker.tracking.trajectory import Step
 
 _FRAGMENT = 10
@@ -67,7 +66,7 @@ class OverlayRecorder:
             self._container = av.open(str(self._file.path), "w", options=fragmented)
             self._stream = self._open_stream(self._container, picture.shape[1], picture.shape[0])
             self._start_s = step.frame.time_s
-        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="bgr24")
+        frame = film_frame(picture)
         frame.time_base = Fraction(1, self._ticks)
         frame.pts = round((step.frame.time_s - self._start_s) * self._ticks)
         self._mux(self._container, self._stream.encode(frame))
