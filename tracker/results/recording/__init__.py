@@ -44,6 +44,9 @@ class RunContext:
     """The run's description as saved in run.json: resolved config, versions, input hashes. The warnings about the
     input, `findings`, and the effect of keypoints, `keypoints`, are complete when recorders finish, not before."""
 
+    figures: dict[str, bytes] = field(default_factory=dict)
+    """Person -> figure of the parameters, PNG: the report shows the one that `plots` has drawn."""
+
 
 @runtime_checkable
 class Recorder(Protocol):

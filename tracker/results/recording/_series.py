@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
@@ -257,6 +258,13 @@ def parameter_figure(series: Series, person: int) -> Figure:
             _at_least(metres, _LEAST_M)
     _label_time(axes, series)
     return figure
+
+
+def png_of(figure: Figure, dpi: float) -> bytes:
+    """A figure as the content of a PNG file."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi)
+    return buffer.getvalue()
 
 
 def _stacked(panel_inches: float, n_panels: int, names: Iterable[str] = ()) -> tuple[Figure, list[Axes]]:

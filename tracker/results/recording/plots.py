@@ -7,9 +7,9 @@ from pathlib import Path
 import pydantic
 
 from tracker.foundation.configuration.components import component
-from tracker.foundation.files import replacing
+from tracker.foundation.files import write_whole
 from tracker.results.recording import RunContext
-from tracker.results.recording._series import Series, parameter_figure
+from tracker.results.recording._series import Series, parameter_figure, png_of
 from tracker.tracking.trajectory import Step
 
 
@@ -42,6 +42,6 @@ class PlotsRecorder:
         for k, person in enumerate(persons):
             name = "parameters.png" if len(persons) == 1 else f"parameters_{person.name}.png"
             written.append(self._run.folder / name)
-            with replacing(written[-1]) as unfinished:
-                parameter_figure(self._series, k).savefig(unfinished, dpi=self._dpi)
+            self._run.figures[person.name] = png_of(parameter_figure(self._series, k), self._dpi)
+            write_whole(written[-1], self._run.figures[person.name])
         return tuple(written)

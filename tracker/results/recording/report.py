@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +19,7 @@ from tracker.results.recording import RunContext
 from tracker.results.recording._anatomical import IsbSeries
 from tracker.results.recording._drawing import LIMB_COLOUR, STATUS_COLOURS, draw_axes, draw_step, encoded, tile
 from tracker.results.recording._player import Player
-from tracker.results.recording._series import AMBIGUOUS, Series, distance_figure, parameter_figure
+from tracker.results.recording._series import AMBIGUOUS, Series, distance_figure, parameter_figure, png_of
 from tracker.tracking.loss import LossRule
 from tracker.tracking.start import RATHER_RIGHT, Hypothesis, Start
 from tracker.tracking.trajectory import Step
@@ -88,6 +87,9 @@ def _pace(summary: dict[str, Any], run: RunContext) -> HeadNumber:
     told = f"{times:.1f} times as long as the recording" if times >= 1 else "faster than the recording"
     return HeadNumber(f"{pace:.1f}", "frames/s tracked", told if pace else "times were not kept")
 
+
+_DPI = 95
+"""Resolution of the figures, dots per inch."""
 
 _MOST_REASONS = 6
 """Number of reasons of doubts that are visible without unfolding the rest."""
@@ -209,11 +211,15 @@ class ReportRecorder:
             "axes": None if axes is None else _uri(axes, "jpeg"),
             "starts": self._start_rows(),
             "distances": _figure_uri(distance_figure(self._series)),
-            "plots": [(p.name, _figure_uri(parameter_figure(self._series, k))) for k, p in enumerate(persons)],
+            "plots": [(p.name, _uri(self._parameters(k, p.name), "png")) for k, p in enumerate(persons)],
             "sigmas": [(p.name, self._sigma_rows(k)) for k, p in enumerate(persons)],
             "config": tomli_w.dumps(self._run.details.get("config", {})),
             "versions": self._run.details.get("versions", {}),
         }
+
+    def _parameters(self, k: int, name: str) -> bytes:
+        """Figure of a person's parameters, PNG: that of `plots`, if it is drawn."""
+        return self._run.figures.get(name) or png_of(parameter_figure(self._series, k), _DPI)
 
     def _start_rows(self) -> list[tuple[str, float, list[Hypothesis]]]:
         """Name, confidence and ranked hypotheses of each person that was bootstrapped."""
@@ -245,6 +251,4 @@ def _uri(data: bytes, kind: str) -> str:
 
 
 def _figure_uri(figure: Figure) -> str:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=95)
-    return _uri(buffer.getvalue(), "png")
+    return _uri(png_of(figure, _DPI), "png")
