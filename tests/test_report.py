@@ -23,6 +23,7 @@ from tracker.results.recording._anatomical import IsbSeries, angles_of, joints_o
 from tracker.results.recording._series import Series
 from tracker.results.recording.csv_table import CsvTable
 from tracker.results.recording.overlay import Overlay
+from tracker.results.recording.plots import Plots
 from tracker.results.recording.report import Report, head_numbers
 from tracker.results.smoothed_result import Pictures, write_smoothed
 from tracker.results.smoothing.rts import RauchTungStriebel
@@ -129,8 +130,8 @@ def test_joint_angles_are_told_left_beside_right_and_to_take_along(tmp_path: Pat
     assert len(rows) == N_FRAMES
     estimate, joints = movement.steps[0].estimates[0], joints_of(movement.scene.persons[0].body)
     names = [f"{joint.name}_{angle}" for joint in joints for angle in joint.angles]
-    angles, sigmas = angles_of(joints, movement.scene.persons[0].body, estimate.q, estimate.covariance)
-    for name, angle, sigma in zip(names, angles, sigmas, strict=True):
+    angles, sigmas = angles_of(joints, movement.scene.persons[0].body, estimate.q[None], estimate.covariance[None])
+    for name, angle, sigma in zip(names, angles[0], sigmas[0], strict=True):
         for column, value in ((f"{name}_deg", angle), (f"{name}_sigma_deg", sigma)):
             assert float(rows[0][column] or "nan") == pytest.approx(value, abs=0.006, nan_ok=True)
     assert {rows[LOST.start][f"{name}_{what}"] for name in names for what in ("deg", "sigma_deg")} == {""}
@@ -151,11 +152,34 @@ def test_sigmas_of_joint_angles_are_those_of_drawn_poses() -> None:
     turns = body.world_from_parameters(poses)[:, [segment.end for segment in body.segments], :3, :3]
     angles = np.concatenate([joint.of(turns) for joint in joints], axis=1)
     spread = np.degrees(np.std(np.unwrap(angles, axis=0), axis=0))
-    _, sigmas = angles_of(joints, body, q, root @ root.T)
+    _, (sigmas,) = angles_of(joints, body, q[None], (root @ root.T)[None])
     known = np.isfinite(sigmas) & np.isfinite(spread)
     assert known.sum() >= len(sigmas) - 4
     np.testing.assert_allclose(sigmas[known], spread[known], rtol=0.1)
-    assert np.isnan(angles_of(joints, body, q, np.full((body.dof, body.dof), np.nan))[1]).all()
+    assert np.isnan(angles_of(joints, body, q[None], np.full((1, body.dof, body.dof), np.nan))[1]).all()
+
+
+def test_angles_of_frames_together_are_those_of_each_frame() -> None:
+    """To the last bit: rows do not depend on when they are computed."""
+    movement = made_up("human")
+    series, body = IsbSeries.of(movement.scene.persons[0]), movement.scene.persons[0].body
+    for step in movement.steps:
+        series.add(step, step.estimates[0])
+    known = [step.estimates[0] for step in movement.steps if not step.estimates[0].lost]
+    alone = [np.stack(angles_of(series.joints, body, e.q[None], e.covariance[None]), axis=1)[0] for e in known]
+    found = series.values[[not step.estimates[0].lost for step in movement.steps]]
+    np.testing.assert_array_equal(found, alone)
+
+
+def test_the_report_shows_the_figure_that_plots_drew(tmp_path: Path) -> None:
+    movement = made_up("human")
+    context = movement.context(tmp_path)
+    recorders = [recording.begin(context) for recording in (Report(player=False), Plots())]
+    for step in movement.steps:
+        for recorder in recorders:
+            recorder.write(step)
+    (plot,), (page,) = recorders[1].finish(), recorders[0].finish()
+    assert base64.b64encode(plot.read_bytes()).decode() in page.read_text()
 
 
 def test_somebody_lost_throughout_has_angles_without_a_number() -> None:

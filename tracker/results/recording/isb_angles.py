@@ -65,7 +65,7 @@ class IsbRecorder:
                 file.take_place()
 
     def _values(self, joints: list[AnatomicalJoint], person: Person, estimate: Estimate) -> list[str]:
-        values = np.concatenate(angles_of(joints, person.body, estimate.q, estimate.covariance))
+        values = np.concatenate(angles_of(joints, person.body, estimate.q[None], estimate.covariance[None]), axis=1)[0]
         return ["" if estimate.lost or np.isnan(value) else f"{value:.{self._decimals}f}" for value in values]
 
     def finish(self) -> tuple[Path, ...]:
