@@ -50,8 +50,8 @@ class Remembered:
     anchors: Anchors
     """Places of all views, including those without a person."""
 
-    turn: int
-    """View whose places were renewed last."""
+    n_renewed: tuple[int, ...]
+    """Number of places of each view when it last got new ones."""
 
 
 @dataclass(frozen=True)
@@ -185,29 +185,29 @@ class MotionEvidence(Evidence):
     def learned(self, memory: Memory, sight: Sight, scene: Scene, fitted: Contours, trusted: Mask) -> Remembered:
         """The places after a frame: those that left their parts are dropped, new ones attached to trusted parts.
 
-        One view in turn gets new ones; a view without any gets them at once. A place that stands still while its part
-        moves on is
-        before the part: it stays, without a part, as long as it is visible, so that nothing is attached there again.
+        The view that has lost most since it got new ones gets them again, whatever the order of the views; a view
+        without any gets them at once. A place that stands still while its part moves on is before the part: it stays,
+        without a part, as long as it is visible, so that nothing is attached there again.
         """
         known = None if memory is None or memory is GUESSED else memory
         images = tuple(_grey(sight, v) for v in range(len(sight.frame.images)))
         placements = scene.world_from_parts()
-        kept, turn = Anchors.none(), 0
+        kept, n_renewed = Anchors.none(), (0,) * len(images)
         if known is not None:
-            turn = (known.turn + 1) % len(images)
+            n_renewed = known.n_renewed
             followed = self._followed(known, sight)
             foreign = followed.chosen((followed.parts < 0) & followed.standing)
             kept = self._judged(followed.chosen(followed.parts >= 0), scene, trusted).joined(foreign)
-        groups = []
+        groups = [kept.chosen(kept.views == v) for v in range(len(images))]
+        gone = {v: n_renewed[v] - len(groups[v].parts) for v, image in enumerate(images) if image is not None}
         for v, image in enumerate(images):
-            own = kept.chosen(kept.views == v)
-            if image is not None and (not len(own.parts) or v == turn):
-                own = self._replenished(v, image, own, scene, trusted)
-            groups.append(own)
+            if image is not None and (not len(groups[v].parts) or gone[v] == max(gone.values())):
+                groups[v] = self._replenished(v, image, groups[v], scene, trusted)
+                n_renewed = (*n_renewed[:v], len(groups[v].parts), *n_renewed[v + 1 :])
         kept = Anchors.none().joined(*groups)
         if known is not None:
             kept = replace(kept, ahead=_moved(kept, known.placements[None], placements, scene))
-        return Remembered(images, placements[0], kept, turn)
+        return Remembered(images, placements[0], kept, n_renewed)
 
     def _followed(self, memory: Remembered, sight: Sight) -> Anchors:
         """The places of the frame before in this one; found once."""

@@ -8,7 +8,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from tracker.bodies.contours import joined
+from tracker.bodies.contours import Contours, joined
 from tracker.bodies.scene import Scene
 from tracker.evidence import Observed
 from tracker.evidence.measures.outlines import Comparison
@@ -57,15 +57,16 @@ def advance(
         predicted = scene.with_poses(tuple(poses[0] for poses in candidates))
     with clock("synthesis"):
         around = [np.vstack([poses, *(one.q for one in rivals[k : k + 1])]) for k, poses in enumerate(candidates)]
-        expected = joined([cycle.synthesis.contours(predicted, k, poses) for k, poses in enumerate(around)])
+        drawn = [cycle.synthesis.contours(predicted, k, poses) for k, poses in enumerate(around)]
+        expected = joined(drawn)
     with clock("observation"):
         if not state.anybody_lost:  # or they may be the persons sought
             hide_strangers(sight, predicted, cycle.synthesis)
         observed = cycle.evidence.observe(sight, expected, state.memory)
-    estimates, current = [], predicted
+    found_of, current = dict[int, Estimate](), predicted
     colours = cache(partial(part_colours, sight, predicted))
     with clock("refinement"):
-        for k, poses in enumerate(candidates):
+        for k in _most_shown_first(drawn[0], predicted):
             # Earlier persons are at their best poses by now, later ones as predicted (paper, figure 2).
             objective = objective_of(current, k, cycle, observed, state.histories[k])
             nearby = is_out_of_sight(state.troubles[k], cycle.loss)
@@ -73,12 +74,13 @@ def advance(
             rival = rivals[k] if rivals and not rivals[k].lost else None
             found = _refined(objective, again[k] if again else None, cycle)
             if found is None:
-                estimate = cycle.estimation.estimate(objective, poses)
+                estimate = cycle.estimation.estimate(objective, candidates[k])
                 if rival is not None:
                     estimate = weighed(objective, estimate, rival)
                 found = judged_by(objective, estimate, cycle.loss)
-            estimates.append(found)
-            current = current.with_pose(k, estimates[k].q)
+            found_of[k] = found
+            current = current.with_pose(k, found.q)
+    estimates = [found_of[k] for k in range(len(candidates))]
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
     start = None
     # a person in another one's contours, or where no view shows anything, is lost; otherwise the search would begin
@@ -93,6 +95,16 @@ def advance(
             current, estimates, start = _recover(sight, current, cycle, state, estimates, sought)
     step = finished(sight, current, cycle.synthesis, tuple(estimates), clock, cycle.loss.least_views)
     return replace(step, start=start)
+
+
+def _most_shown_first(contours: Contours, scene: Scene) -> list[int]:
+    """Persons, those first who show most contour in the first pose: the order of their names does not matter."""
+    if len(scene.persons) == 1:
+        return [0]
+    shown = np.bincount(contours.parts[0][contours.valid[0]], minlength=len(scene.shapes))
+    begins = [scene.first_part(k) for k in range(len(scene.persons))]
+    lengths = np.add.reduceat(shown, begins)
+    return sorted(range(len(begins)), key=lambda k: -lengths[k])
 
 
 def _refined(objective: Objective, q: Array | None, cycle: Cycle) -> Estimate | None:
@@ -121,15 +133,15 @@ def settled(
         colours: of the frame, computed once.
         whom: persons whose limbs are searched wherever they may be, also by these colours.
     """
-    estimates = []
-    for k, person in enumerate(scene.persons):
+    found_of = dict[int, Estimate]()
+    for k in _most_shown_first(cycle.synthesis.contours(scene), scene):
         objective = replace(objective_of(scene, k, cycle, observed), colours=colours)
-        estimate = cycle.estimation.estimate(objective, person.q[None])
+        estimate = cycle.estimation.estimate(objective, scene.persons[k].q[None])
         if k in whom:
             estimate = in_likeliest_places(objective, estimate)
-        estimates.append(judged_by(objective, estimate, cycle.loss, found))
+        found_of[k] = judged_by(objective, estimate, cycle.loss, found)
         scene = scene.with_pose(k, estimate.q)
-    return tuple(estimates), scene
+    return tuple(found_of[k] for k in range(len(scene.persons))), scene
 
 
 def objective_of(scene: Scene, k: int, cycle: Cycle, observed: Observed, history: History | None = None) -> Objective:
