@@ -181,9 +181,17 @@ class BodyModel(KinematicTree):
         Raises:
             ModelError: no group or rigid end has the name.
         """
-        if group in self.rigid_ends:
-            return np.isin(self.landmark_names, self.rigid_ends[group].landmarks)
-        return self._hanging_on(group, np.array([mark.parameter for mark in self.landmarks]))
+        found = self._landmarks_of_groups
+        if group not in found:
+            raise ModelError(f'model "{self.name}" has no group "{group}"; {nearest(group, found)}')
+        return found[group]
+
+    @cached_property
+    def _landmarks_of_groups(self) -> dict[str, Mask]:
+        parameters = np.array([mark.parameter for mark in self.landmarks], dtype=np.int64)
+        found = {group: frozen(self._hanging_on(group, parameters), np.bool_) for group in self.groups}
+        ends = self.rigid_ends.items()
+        return found | {end: frozen(np.isin(self.landmark_names, one.landmarks), np.bool_) for end, one in ends}
 
     def _hanging_on(self, group: str, ends: Integers) -> Mask:
         """The ends of chains that a fine group moves, and no finer chain on it does."""
