@@ -327,6 +327,15 @@ def test_a_picture_shows_the_parts_in_colours(osmesa: OsmesaSynthesis, scenes: d
         assert len(colours) == len(np.unique(ids))
 
 
+def test_the_context_is_known_again(osmesa: OsmesaSynthesis, truth: Scene) -> None:
+    """If not, shaders are compiled anew for each part, and what was handed to OpenGL is kept for ever."""
+    osmesa.part_ids(truth)
+    kept = sys.modules["OpenGL.contextdata"].storedPointers
+    before = len(kept)
+    osmesa.part_ids(truth)
+    assert len(kept) == before
+
+
 def test_a_picture_that_is_too_small_is_one_clear_line(egl: EglSynthesis, truth: Scene) -> None:
     large = Scene(truth.persons, four_views((1440, 1152)))
     with pytest.raises(RenderError, match=r"4 views of \d+x\d+ px do not fit into a picture of 256x256 px"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import sys
 import threading
@@ -208,7 +209,11 @@ def _pyrender(platform: str) -> Iterator[Any]:
     vars(np).setdefault("infty", np.inf)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        yield library("pyrender", "osmesa")
+        pyrender = library("pyrender", "osmesa")
+        if platform == "osmesa":
+            # as a number: a pointer is another object at each call, and shaders would be compiled anew for each part
+            sys.modules["OpenGL.platform"].PLATFORM.GetCurrentContext.restype = ctypes.c_void_p
+        yield pyrender
 
 
 def _claim(platform: str) -> None:
