@@ -198,7 +198,7 @@ def simulate(recipe: Recipe) -> Simulation:
     return Simulation(recipe, Scene(persons, rig), poses, plates)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=16)
 def _of_usual_room(size: tuple[int, int], seed: int) -> tuple[Plate, ...]:
     """Its plates, which many recordings have in common: four views of 720x576 take 4 s."""
     return _plates(default_rig(size), seed, Room())
