@@ -138,8 +138,7 @@ class Camera:
         if np.isfinite(self.reach):
             beyond = np.linalg.norm(plane, axis=-1, keepdims=True) > self.reach
             plane = np.where(beyond, np.nan, plane)
-        image, _ = self._lens.distort(plane)
-        pixels: Array = image @ self.matrix[:2, :2].T + self.matrix[:2, 2]
+        pixels: Array = self._lens.distorted(plane) @ self.matrix[:2, :2].T + self.matrix[:2, 2]
         return pixels
 
     def project_jacobian(self, points: Array) -> Array:
@@ -284,7 +283,7 @@ def rational_of(name: str, size: tuple[int, int], matrix: Array, fisheye: Array)
     inside, planes = angles <= end, np.tan(angles)
     lens = _fitted(planes, bent, np.where(inside, 1.0, _BEYOND))
     across = np.stack([planes[inside], np.zeros(inside.sum())], axis=-1)
-    found = Lens(lens).distort(across)[0][:, 0]
+    found = Lens(lens).distorted(across)[:, 0]
     off_px = float(matrix[0, 0]) * np.abs(found - bent[inside]).max()
     if not (off_px <= _MOST_OFF_PX and (np.diff(found) > 0).all()):
         raise CalibrationError(

@@ -82,11 +82,26 @@ class Lens:
     def distort(self, plane: Array) -> tuple[Array, Array]:
         """Plane coordinates (..., 2) as they are imaged, and the Jacobian of that (..., 2, 2)."""
         k1, k2, p1, p2, k3, k4, k5, k6 = self.distortion
+        value, r2, under, radial = self._distorted(plane)
+        x, y = plane[..., 0], plane[..., 1]
+        slope = (k1 + r2 * (2 * k2 + r2 * 3 * k3) - radial * (k4 + r2 * (2 * k5 + r2 * 3 * k6))) / under
+        jacobian = np.empty((*r2.shape, 2, 2))
+        jacobian[..., 0, 0] = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
+        jacobian[..., 0, 1] = jacobian[..., 1, 0] = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
+        jacobian[..., 1, 1] = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
+        return value, jacobian
+
+    def distorted(self, plane: Array) -> Array:
+        """Plane coordinates (..., 2) as they are imaged: `distort` without the Jacobian, in half of its time."""
+        return self._distorted(plane)[0]
+
+    def _distorted(self, plane: Array) -> tuple[Array, Array, Array, Array]:
+        """Imaged coordinates, squares of the distances from the axis, divisor and whole of the radial distortion."""
+        k1, k2, p1, p2, k3, k4, k5, k6 = self.distortion
         x, y = plane[..., 0], plane[..., 1]
         r2 = x * x + y * y
         under = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
         radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / under
-        slope = (k1 + r2 * (2 * k2 + r2 * 3 * k3) - radial * (k4 + r2 * (2 * k5 + r2 * 3 * k6))) / under
         value = np.stack(
             [
                 x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
@@ -94,11 +109,7 @@ class Lens:
             ],
             axis=-1,
         )
-        jacobian = np.empty((*r2.shape, 2, 2))
-        jacobian[..., 0, 0] = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
-        jacobian[..., 0, 1] = jacobian[..., 1, 0] = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
-        jacobian[..., 1, 1] = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
-        return value, jacobian
+        return value, r2, under, radial
 
     def undistort(self, imaged: Array) -> Array:
         """The inverse of `distort`: imaged coordinates (..., 2) to those of the plane z = 1 (..., 2).

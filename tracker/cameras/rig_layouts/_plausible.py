@@ -220,7 +220,7 @@ def refitted(matrix: Array, planes: Array, pixels: Array, terms: int, free: bool
 
     def errors(values: Array) -> Array:
         inner, lens = lens_of(values)
-        imaged: Array = Lens(lens).distort(planes)[0] @ inner[:2, :2].T + inner[:2, 2] - pixels
+        imaged: Array = Lens(lens).distorted(planes) @ inner[:2, :2].T + inner[:2, 2] - pixels
         return imaged.ravel()
 
     found = least_squares(errors, begin, x_scale="jac", method="lm", max_nfev=200)
