@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import csv
 import json
+import signal
 import sys
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import pytest
 import test_following as following
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from tracker.cameras.frame import Frame
@@ -22,7 +25,7 @@ from tracker.points.following.record import read
 from tracker.points.surfaces.growth import Growth
 from tracker.points.surfaces.surface import SurfaceMeasurement
 from tracker.running.cli import app
-from tracker.running.jobs import execute, load_job
+from tracker.running.jobs import _following, execute, load_job
 from tracker.running.jobs._following import Born
 
 N_FRAMES = 7
@@ -58,6 +61,13 @@ def folder(rig, frames, tmp_path_factory):
 @pytest.fixture(scope="module")
 def outcome(folder):
     return execute(load_job("follow", folder / "follow.toml"), folder / "out")
+
+
+@pytest.fixture
+def small_figures(monkeypatch):
+    """The two figures at the end of a job, a second each, are empty: the command and others draw them."""
+    for name in ("trajectories_figure", "counts_figure"):
+        monkeypatch.setattr(f"tracker.running.jobs.follow.{name}", lambda *_: Figure((1, 1)))
 
 
 def table(folder):
@@ -114,9 +124,8 @@ def test_the_table_has_what_is_known_of_a_point(outcome, rig):
     assert all(float(row["drift_px"]) >= 0 for row in rows)
 
 
+@pytest.mark.usefixtures("small_figures")
 def test_an_interrupted_job_is_resumed_to_the_same_bytes(folder, outcome, monkeypatch):
-    from tracker.running.jobs import _following
-
     out, written = folder / "broken_off", _following.append
 
     def dies(path, frame):
@@ -134,9 +143,8 @@ def test_an_interrupted_job_is_resumed_to_the_same_bytes(folder, outcome, monkey
         assert (out / name).read_bytes() == (outcome.folder / name).read_bytes()
 
 
+@pytest.mark.usefixtures("small_figures")
 def test_ctrl_c_leaves_a_usable_result(folder, monkeypatch):
-    from tracker.running.jobs import _following
-
     written = _following.append
 
     def interrupted(path, frame):
@@ -152,6 +160,7 @@ def test_ctrl_c_leaves_a_usable_result(folder, monkeypatch):
     assert {row["frame"] for row in table(outcome.folder)} == {"0", "1", "2", "3"}
 
 
+@pytest.mark.usefixtures("small_figures")
 def test_a_job_without_a_saved_state_is_not_resumed(folder, monkeypatch):
     out = folder / "early"
     job = load_job("follow", folder / "follow.toml", ("saved_frames=100", "reading.stop=3"))
@@ -184,6 +193,7 @@ def test_named_points_keep_their_names(folder):
     assert len(trc) == 6 + N_FRAMES
 
 
+@pytest.mark.usefixtures("small_figures")
 def test_c3d_has_the_points_seen_longest_and_the_named_ones(folder):
     named = ("points.left_hip=[80, 70]", "c3d=true", "reading.stop=3")
     ezc3d = pytest.importorskip("ezc3d")
@@ -214,6 +224,7 @@ def test_without_ezc3d_nothing_is_begun(folder, monkeypatch):
     assert not (folder / "no_ezc3d").exists()
 
 
+@pytest.mark.usefixtures("small_figures")
 def test_snakes_are_led_in_a_view(folder, rig):
     patch = ("snakes.patch.points=[[80, 60], [120, 60], [120, 100], [80, 100]]", "snake.min_edge_grey=0.2")
     job = load_job("follow", folder / "follow.toml", (*patch, 'snakes.patch.view="left"'))
@@ -227,6 +238,7 @@ def test_snakes_are_led_in_a_view(folder, rig):
     assert load_job("follow", outcome.folder / "config.toml").snakes == job.snakes
 
 
+@pytest.mark.usefixtures("small_figures")
 def test_joints_beside_the_surface_move_with_it(folder, rig):
     places = np.array([[0.01, 0.0, -0.03], [-0.01, 0.01, -0.05]])
     pixels = rig.project(places)
@@ -268,6 +280,7 @@ def test_points_of_voxels_are_born_where_their_pixels_are(rig, frames):
     np.testing.assert_allclose(rig.project(new.positions), new.pixels, atol=0.2)
 
 
+@pytest.mark.usefixtures("small_figures")
 def test_a_recording_that_goes_dark_is_told_as_lost(folder, rig, frames):
     (folder / "dark").mkdir()
     for frame in frames[:N_FRAMES]:
@@ -350,3 +363,46 @@ def test_mistakes_are_named_and_leave_nothing(folder, overrides, error, message)
         execute(load_job("follow", folder / "follow.toml", overrides), folder / "mistaken")
     assert not (folder / "mistaken").exists()
     assert issubclass(error, TrackerError)
+
+
+# Ctrl-C: what it keeps, and what the command says.
+
+
+@pytest.mark.usefixtures("small_figures")
+def test_ctrl_c_saves_the_state_that_the_job_goes_on_from(folder, outcome, monkeypatch):
+    out, written = folder / "stopped", _following.append
+
+    def stopped(path, frame):
+        written(path, frame)
+        if frame.index == 4:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(_following, "append", stopped)
+    job = load_job("follow", folder / "follow.toml", ("saved_frames=100",))
+    told = execute(job, out)
+    assert (told.interrupted, told.n_frames) == (True, 5)
+    monkeypatch.setattr(_following, "append", written)
+    assert execute(job, out, resume=True).n_frames == outcome.n_frames
+    for name in ("points.bin", "trajectories.csv"):
+        assert (out / name).read_bytes() == (outcome.folder / name).read_bytes()
+
+
+def test_ctrl_c_before_the_first_frame_leaves_nothing(folder, monkeypatch):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tracker.running.jobs._following.measure_surface", stopped)
+    told = CliRunner().invoke(app, ["follow", str(folder / "follow.toml"), "--output", str(folder / "at_once")])
+    assert told.exit_code == 130, told.output
+    assert not (folder / "at_once").exists()
+
+
+@dataclass
+class Outcome:
+    interrupted: bool = True
+
+
+def test_an_interrupted_job_ends_with_the_code_of_ctrl_c(folder, monkeypatch):
+    monkeypatch.setattr("tracker.running.cli.done", lambda *_: Outcome())
+    told = CliRunner().invoke(app, ["follow", str(folder / "follow.toml")])
+    assert told.exit_code == 130, told.output
