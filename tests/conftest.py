@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 from motions import Movement, made_up
 from numbered_pictures import record
@@ -15,6 +17,8 @@ from observations import bent, four_views, ideal
 from tracker.bodies.body import BodyModel
 from tracker.bodies.body.description import load_body
 from tracker.bodies.scene import Person, Scene
+from tracker.cameras.calibration import _board_looks, _floor_marks
+from tracker.foundation.arrays import Array, Image, Integers
 from tracker.foundation.resources import model_path
 from tracker.images.sight import Observation
 
@@ -56,6 +60,23 @@ def limbs_stay() -> Iterator[None]:
     """Limbs are not looked for elsewhere when persons are found: before true starts that takes most of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("tracker.tracking.cycle_turn.in_likeliest_places", lambda objective, estimate, *_: estimate)
+        yield
+
+
+@pytest.fixture(scope="module")
+def markers_once() -> Iterator[None]:
+    """Markers of a kind are looked for once in a picture: in those that tests have in common, for a second each."""
+    looked, found = _board_looks.markers_in, {}
+
+    def once(shown: Image, dictionary: str) -> tuple[Sequence[Array], Integers]:
+        key = hashlib.sha256(np.ascontiguousarray(shown)).digest(), shown.shape, dictionary
+        if key not in found:
+            found[key] = looked(shown, dictionary)
+        return found[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (_board_looks, _floor_marks):
+            patch.setattr(module, "markers_in", once)
         yield
 
 

@@ -27,6 +27,8 @@ from tracker.foundation.progress import silent
 from tracker.running.cli import app
 from tracker.running.jobs.calibrate import load_calibration
 
+pytestmark = pytest.mark.usefixtures("markers_once")
+
 CHARUCO = Pattern(5, 6, 0.75, "4x4_50")
 
 

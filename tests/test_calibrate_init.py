@@ -24,6 +24,8 @@ from tracker.images.footage import spread_pictures
 from tracker.running.cli import app
 from tracker.running.jobs.calibrate import load_calibration
 
+pytestmark = pytest.mark.usefixtures("markers_once")
+
 CHARUCO = Pattern(5, 6, 0.75, "4x4_50")
 BOARDS = {
     "4x4": (charuco(5, 6), CHARUCO),

@@ -30,6 +30,8 @@ from tracker.running.floors import fitted_floor, usual_up
 from tracker.synthesis.simulation.movements import poses_of
 
 UP = np.array([0.0, 0.0, 1.0])
+pytestmark = pytest.mark.usefixtures("markers_once")
+
 PLACES = {"near": (0.5, -3.0, 2.0), "beside": (3.2, -0.5, 2.2), "far": (0.5, 2.8, 1.8)}
 ROOM = Rig(tuple(Camera.looking_at(name, (960, 540), 800.0, at, (0.3, 0.2, 0.3)) for name, at in PLACES.items()))
 HUMAN = load_body(MODELS / "human.toml")
