@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from types import SimpleNamespace
@@ -88,12 +89,16 @@ def smaller(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(runs, "_simulated", lambda folder, n_frames, made=runs._simulated: made(folder, 2))
     if name == "recognition":
         recognition = importlib.import_module("benchmarks.recognition")
-        chained, performers = recognition._print_ends, recognition.performers
-        monkeypatch.setattr(recognition, "performers", lambda *asked: islice(performers(*asked), 0, 40, 5))
+        chained = recognition._print_ends
+        first = {"performers": (0, 40, 5), "other_persons": (2,), "other_bodies": (2,), "everyday_persons": (4,)}
+        for asked_of, which in first.items():
+            every = getattr(recognition, asked_of)
+            some = partial(lambda every, which, *asked: islice(every(*asked), *which), every, which)
+            monkeypatch.setattr(recognition, asked_of, some)
         monkeypatch.setattr(recognition, "_print_ends", lambda *asked: chained(*asked[:-1], 1))
     if name == "poses":
         poses = importlib.import_module("benchmarks.poses")
-        monkeypatch.setattr(poses, "_situation", lambda size, n_poses, made=poses._situation: made(size, 2))
+        monkeypatch.setattr(poses, "_situation", lambda size, n_poses, made=poses._situation: made((160, 120), 2))
     if name == "starts":
         starts = importlib.import_module("benchmarks.starts")
         coarse = BestFirstEstimation(range_deg=20.0, step_deg=20.0, range_m=0.1, step_m=0.1, halvings=0, patience=1)

@@ -54,7 +54,7 @@ def compare(console: Console, quick: bool) -> None:
     """Prints rates and errors of all methods, the bias over pixel fractions, and whether sigma is honest."""
     cv2.setNumThreads(1)
     step, repeats = (12, 1) if quick else (2, 5)
-    size = (200, 150) if quick else Speckle.size
+    size = (140, 110) if quick else Speckle.size
     with console.status("making speckle"):
         pair = _pair(Speckle(size), AFFINE, SHIFT, step)
     console.print(_rates(console, pair, repeats))
