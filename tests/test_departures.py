@@ -238,16 +238,18 @@ def test_a_missed_limb_does_not_become_background(scene: Scene, raised: Array) -
 
 
 def test_light_that_changes_slowly_is_followed(scene: Scene) -> None:
-    memory = learned(scene, images_of(scene))
+    images = images_of(scene)
+    memory = learned(scene, images)
     for k in range(1, 20):
-        lit = tuple((image * (1 - 0.02 * k)).astype(np.uint8) for image in images_of(scene))
+        lit = tuple((image * (1 - 0.02 * k)).astype(np.uint8) for image in images)
         assert EVIDENCE.distances(asked(scene, lit, memory), scene.persons[0].q[None])[0] < 0.05
         memory = learned(scene, lit, memory)
 
 
 def test_who_is_doubted_teaches_nothing(scene: Scene) -> None:
-    memory = learned(scene, images_of(scene))
-    after = learned(scene, tuple(255 - image for image in images_of(scene)), memory, *range(len(scene.shapes)))
+    images = images_of(scene)
+    memory = learned(scene, images)
+    after = learned(scene, tuple(255 - image for image in images), memory, *range(len(scene.shapes)))
     assert all(one is other for one, other in zip(memory, after, strict=True))
 
 

@@ -12,12 +12,12 @@ from importlib.metadata import packages_distributions
 from pathlib import Path
 from typing import Any
 
+import modules
 import nbformat
 import pytest
 import typer.main
 from click.testing import CliRunner
 from matplotlib import pyplot as plt
-from modules import imported, modules_of_the_project
 
 import tracker
 from scripts import architecture_picture
@@ -79,9 +79,9 @@ def test_the_site_needs_no_extra_but_docs():
     """It imports every component to make the page of every setting."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     there = required([*project["dependencies"], "bodytrack[docs]"]) | {"pydantic-core"}  # pydantic's own
-    modules = modules_of_the_project()
-    package = [module for module in modules.values() if module.name.startswith("tracker.")]
-    names = {target.partition(".")[0] for module in package for target, _ in imported(module, modules)}
+    every = modules.modules_of_the_project()
+    package = [module for module in every.values() if module.name.startswith("tracker.")]
+    names = {target.partition(".")[0] for module in package for target, _ in modules.imported(module, every)}
     distributions = packages_distributions()
     owners = {name: distributions[name] for name in names - {"tracker"} - set(sys.stdlib_module_names)}
     assert len(owners) > 8
@@ -188,7 +188,10 @@ def test_the_lab_and_the_constants_lead_to_each_other():
             assert names in (ROOT / path).read_text(encoding="utf-8"), path
 
 
-def test_the_picture_of_the_architecture_is_what_the_imports_are():
+def test_the_picture_of_the_architecture_is_what_the_imports_are(monkeypatch):
+    """Which it finds in the files as they are read already, by the law."""
+    assert architecture_picture._law().LAYERS == modules.LAYERS
+    monkeypatch.setattr(architecture_picture, "_law", lambda: modules)
     told = "python scripts/architecture_picture.py draws it anew"
     assert (ROOT / "docs" / "architecture.svg").read_text(encoding="utf-8") == architecture_picture.drawn(), told
 

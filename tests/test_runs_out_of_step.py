@@ -43,17 +43,22 @@ def ran(config, output, *settings, options=()):
     return " ".join(done.output.split())
 
 
-@pytest.fixture(scope="module")
-def run_out_of_step(tmp_path_factory):
-    """A run of a recording whose views are out of step, with its body fitted to it, if in few steps."""
-    folder = tmp_path_factory.mktemp("late")
-    recipe = Recipe("walking_on_the_spot", seconds=2.4, fps=FPS, delays_s=DELAYS_S, size=(360, 288))
-    config = write_sequence(recipe, folder / "recording")
+@pytest.fixture(scope="module", autouse=True)
+def few_steps():
+    """Bodies are fitted in few steps."""
     few = ViewSettings(frames=4, rounds=1, fit=FitSettings(iterations=4, pose_deg=8.0, pose_m=0.05, rigid_share=0.2))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("tracker.running.jobs._persons.ViewSettings", lambda: few)
-        printed = ran(config, folder / "result", *FITTED)
-    return folder / "result", printed
+        yield
+
+
+@pytest.fixture(scope="module")
+def run_out_of_step(tmp_path_factory):
+    """A run of a recording whose views are out of step, with its body fitted to it."""
+    folder = tmp_path_factory.mktemp("late")
+    recipe = Recipe("walking_on_the_spot", seconds=2.4, fps=FPS, delays_s=DELAYS_S, size=(360, 288))
+    config = write_sequence(recipe, folder / "recording")
+    return folder / "result", ran(config, folder / "result", *FITTED)
 
 
 def test_a_run_tells_that_views_are_out_of_step(run_out_of_step):

@@ -331,13 +331,13 @@ def test_what_a_smoothing_cannot_do_is_said_before_the_first_frame(config, tmp_p
 
 @functools.cache
 def tracked(movement):
-    """A simulated movement of three seconds, its tracked poses as a stretch, and the truth."""
-    simulation = small_simulation(movement, 75)
+    """A simulated movement of two seconds, its tracked poses as a stretch, and the truth."""
+    simulation = small_simulation(movement, 50)
     steps = list(track(simulation.frames(), simulation.scene, cycle_for(simulation, TrueStart(simulation))))
     estimates = [step.estimates[0] for step in steps]
     assert all(estimate.status is not Status.LOST for estimate in estimates)
     poses, covariances = np.array([e.q for e in estimates]), np.array([e.covariance for e in estimates])
-    return simulation, Stretch(np.arange(75) / 25, poses, covariances, np.ones(75, bool))
+    return simulation, Stretch(np.arange(50) / 25, poses, covariances, np.ones(50, bool))
 
 
 @pytest.mark.parametrize("smoothing", WITHOUT_LAG, ids=lambda one: type(one).__name__)
