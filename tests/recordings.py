@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import threading
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import fields, replace
 from functools import cached_property
 
@@ -46,19 +47,31 @@ class TrueStart:
 
 
 class Rendered(Simulation):
-    """A simulation that keeps its images: many tests go through the same ones, most of them several times."""
+    """A simulation that keeps its images, which are drawn when they are asked for.
+
+    Many tests go through the same ones, most of them several times, and some look at the first one alone.
+    """
 
     @cached_property
-    def _images(self) -> tuple[Frame, ...]:
-        made = tuple(super().frames())
-        for frame in made:
-            for image in frame.images:
-                if image is not None:
-                    image.setflags(write=False)
-        return made
+    def _drawn(self) -> tuple[list[Frame], Generator[Frame]]:
+        return [], super().frames()  # type: ignore[return-value]
 
     def frames(self) -> Iterator[Frame]:
-        return iter(self._images)
+        drawn, more = self._drawn
+        for t in range(len(self.recipe.times)):
+            with _DRAWING:
+                if t == len(drawn):
+                    drawn.append(next(more))
+                    for image in drawn[-1].images:
+                        if image is not None:
+                            image.setflags(write=False)
+                if len(drawn) == len(self.recipe.times):
+                    more.close()
+            yield drawn[t]
+
+
+_DRAWING = threading.Lock()
+"""Some tests read frames in another thread."""
 
 
 def small_simulation(movement: str = "arm_swing", n_frames: int = 8, **changes: object) -> Simulation:
