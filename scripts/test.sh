@@ -29,8 +29,14 @@ say "ruff"
 .venv/bin/ruff check .
 .venv/bin/ruff format --check .
 
-say "mypy"
-.venv/bin/mypy tracker scripts
+say "mypy, beside the tests"
+.venv/bin/mypy tracker scripts >.venv/mypy.log 2>&1 &
+mypy=$!
 
 # files in the order of their names: the last ones are quick, so that no worker waits a minute for the other
-say "pytest"; OPENBLAS_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 exec .venv/bin/python -m pytest -n auto --dist loadfile --no-loadscope-reorder "$@"
+say "pytest"
+status=0
+OPENBLAS_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 .venv/bin/python -m pytest -n auto --dist loadfile --no-loadscope-reorder "$@" || status=$?
+wait "$mypy" || status=1
+cat .venv/mypy.log
+exit "$status"
