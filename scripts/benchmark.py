@@ -16,6 +16,7 @@ from benchmarks import calibration as bar_calibration
 from benchmarks import follow as followed_points
 from benchmarks import in_step as made_delays
 from benchmarks import lsm as patch_matching
+from benchmarks import meaningless as meaningless_changes
 from benchmarks import opensim_models as moved_models
 from benchmarks import poses as pose_rates
 from benchmarks import recognition as known_movements
@@ -138,6 +139,18 @@ def recordings(
         only, tuple(models.split(",")), acquired, not without_plates, starts, settings, quick, keypoints
     )
     tracked_recordings.compare(console, plan, python_path, output)
+
+
+@app.command()
+def meaningless(
+    only: Annotated[str, typer.Option(help="Only recordings whose name holds this.")] = "",
+    without_plates: Annotated[bool, typer.Option("--without-plates", help="No plates of the empty room.")] = False,
+    python_path: Annotated[Path, typer.Option(help="Checkout whose package is run.")] = ROOT,
+    output: Annotated[Path, typer.Option(help="Keeps all runs and scores.csv.")] = Path("results/meaningless"),
+    quick: Quick = False,
+) -> None:
+    """What changes that mean nothing change: starts, orders of views and persons, JPEG, a mirror."""
+    meaningless_changes.compare(console, only, not without_plates, python_path, output, quick)
 
 
 @app.command("opensim")

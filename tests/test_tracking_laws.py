@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from tracker.cameras.rig import Rig
 from tracker.evidence.auto import AutoEvidence
 from tracker.evidence.contours import ContourEvidence
 from tracker.evidence.measures.outlines import Comparison
-from tracker.foundation.arrays import Array, Image
+from tracker.foundation.arrays import Array
 from tracker.images.plate import Plate
 from tracker.images.sight import Observation
 from tracker.synthesis.cpu import CpuSynthesis
@@ -27,7 +29,11 @@ from tracker.tracking.sequence import track
 from tracker.tracking.trajectory import Step
 from tracker.tracking.verdict import likelier, weighed
 
-# What other last digits of sums make of joints in six frames: 1e-11 mm were found.
+sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
+
+from benchmarks.meaningless import flipped, mirrored_camera, other_side
+
+# What other last digits of sums make of joints in some frames: 3e-9 mm were found.
 ROUNDING_MM = 1e-6
 # Half a pixel: which pixels are edges, and where contours are sampled, is another matter in a mirror.
 HALF_PX_MM = 0.5 * 12.5
@@ -35,7 +41,7 @@ HALF_PX_MM = 0.5 * 12.5
 
 @pytest.fixture(scope="module")
 def simulation() -> Simulation:
-    return small_simulation("walking_on_the_spot", n_frames=6)
+    return small_simulation("walking_on_the_spot", n_frames=4)
 
 
 @pytest.fixture(scope="module")
@@ -47,9 +53,10 @@ def pair() -> Simulation:
     return small_simulation("walking_on_the_spot", n_frames=4, persons=2, rig=rig)
 
 
-def tracked(simulation: Simulation) -> list[Step]:
-    """All frames, by the usual evidence, from the truth."""
-    cycle = cycle_for(simulation, TrueStart(simulation, 0.0, 0.0), evidence=AutoEvidence())
+def tracked(simulation: Simulation, found: bool = False) -> list[Step]:
+    """All frames, by the usual evidence, from the truth or from where a start finds persons."""
+    start = None if found else TrueStart(simulation, 0.0, 0.0)
+    cycle = cycle_for(simulation, start, evidence=AutoEvidence())
     return list(track(simulation.frames(), simulation.scene, cycle))
 
 
@@ -81,9 +88,9 @@ def _filmed(simulation: Simulation, frames: tuple[Frame, ...]) -> Simulation:
 
 
 def test_the_order_of_the_views_changes_nothing(simulation: Simulation) -> None:
-    one = joints(simulation, tracked(simulation))
-    for order in ([3, 1, 0, 2], [1, 2, 3, 0]):
-        assert apart_mm(joints(simulation, tracked(with_views(simulation, order))), one).max() < ROUNDING_MM
+    one = joints(simulation, tracked(simulation, found=True))
+    other = joints(simulation, tracked(with_views(simulation, [3, 1, 0, 2]), found=True))
+    assert apart_mm(other, one).max() < ROUNDING_MM
 
 
 def test_the_order_of_the_persons_changes_nothing(pair: Simulation) -> None:
@@ -108,27 +115,11 @@ def mirrored(simulation: Simulation) -> Simulation:
     return _filmed(replace(simulation, scene=scene, poses=poses, plates=plates), frames)
 
 
-def flipped(image: Image) -> Image:
-    return np.ascontiguousarray(image[:, ::-1])
-
-
-def mirrored_camera(camera: Camera) -> Camera:
-    matrix, distortion = camera.matrix.copy(), camera.distortion.copy()
-    matrix[0, 2] = camera.size[0] - 1 - matrix[0, 2]
-    matrix[0, 1], distortion[3] = -matrix[0, 1], -distortion[3]
-    motion = np.diag([-1.0, 1, 1, 1]) @ camera.camera_from_world @ np.diag([1.0, -1, 1, 1])
-    return replace(camera, matrix=matrix, distortion=distortion, camera_from_world=motion)
-
-
 def mirrored_poses(body: BodyModel, poses: Array) -> Array:
     swap = [body.index(other_side(name)) for name in body.names]
     signs = np.ones(body.dof)
     signs[[body.index(f"torso_{name}") for name in ("y", "abduction", "twist")]] = -1
     return poses[..., swap] * signs
-
-
-def other_side(name: str) -> str:
-    return name.replace("left", "\0").replace("right", "left").replace("\0", "right")
 
 
 def test_in_a_mirror_everybody_is_mirrored(simulation: Simulation) -> None:
