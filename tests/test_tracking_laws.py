@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import sys
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -81,10 +82,18 @@ def with_views(simulation: Simulation, order: list[int]) -> Simulation:
     return _filmed(replace(simulation, scene=scene, plates=plates), frames)
 
 
+@dataclass(frozen=True)
+class Filmed(Simulation):
+    """A simulation with pictures of its own."""
+
+    shown: tuple[Frame, ...] = ()
+
+    def frames(self) -> Iterator[Frame]:
+        return iter(self.shown)
+
+
 def _filmed(simulation: Simulation, frames: tuple[Frame, ...]) -> Simulation:
-    """The simulation with these frames."""
-    object.__setattr__(simulation, "_images", frames)
-    return simulation
+    return Filmed(**{field.name: getattr(simulation, field.name) for field in fields(simulation)}, shown=frames)
 
 
 def test_the_order_of_the_views_changes_nothing(simulation: Simulation) -> None:
