@@ -88,6 +88,7 @@ CHANGES = (
     Change("JPEG 94", made=_jpeg(94)),
     Change("mirrored", made=_mirrored),
 )
+"""What should change nothing, the recording as it is first."""
 
 
 def flipped(image: Image) -> Image:
