@@ -211,7 +211,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of recordings: one that describes itself, one that does not say who is seen."""
     root = tmp_path_factory.mktemp("recordings")
     write_sequence(
-        Recipe("arm_swing", seconds=0.4, size=(360, 288)), root / "room" / "swing", lambda what, done, total: None
+        Recipe("arm_swing", seconds=0.24, size=(360, 288)), root / "room" / "swing", lambda what, done, total: None
     )
     meta = {"people": [{"id": "person1", "subject": "anna", "height_m": 1.8}]}
     (root / "room" / "swing" / "meta.json").write_text(json.dumps(meta), encoding="utf-8")

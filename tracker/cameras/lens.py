@@ -54,6 +54,8 @@ class Lens:
         denominator that is ``1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6``. Farther points would be imaged nearer to the centre
         again, over other things.
         """
+        if not self.distortion.any():
+            return np.inf
         over, under = self._radial
         slope = over * under + Polynomial([0, 2]) * (over.deriv() * under - over * under.deriv())
         roots = np.concatenate([one.trim(_NO_TERM).roots() for one in (slope, under)])
