@@ -160,3 +160,9 @@ def test_one_more_pose_never_leaves_a_worse_one(objective: Objective, truth: Sce
     found = [objective.estimate(pose, np.eye(body.dof), 1) for pose in poses]
     for choose, (mine, rival) in itertools.product((likelier, weighed), itertools.permutations(found, 2)):
         assert choose(objective, mine, rival).distance_px <= mine.distance_px + 1e-9
+
+
+@pytest.mark.parametrize(("name", "other"), [("left_hip", "right_hip"), ("r_toe", "l_toe"), ("collar", "collar")])
+def test_joints_of_the_other_side_have_its_names(name: str, other: str) -> None:
+    assert other_side(name) == other
+    assert other_side(other) == name

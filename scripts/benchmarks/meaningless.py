@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -106,8 +107,9 @@ def mirrored_camera(camera: Camera) -> Camera:
 
 
 def other_side(name: str) -> str:
-    """The name of the other side's joint or angle."""
-    return name.replace("left", "\0").replace("right", "left").replace("\0", "right")
+    """The name of the other side's joint or angle: `left_hip` and `right_hip`, or `l_hip` and `r_hip`."""
+    sides = {"left": "right", "right": "left", "l_": "r_", "r_": "l_"}
+    return re.sub(r"left|right|^[lr]_", lambda found: sides[found[0]], name)
 
 
 def compare(console: Console, only: str, plates: bool, checkout: Path, output: Path, quick: bool = False) -> None:
