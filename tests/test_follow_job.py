@@ -15,18 +15,12 @@ import test_following as following
 from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
-from tracker.cameras.frame import Frame
-from tracker.cameras.rig import Rig
 from tracker.cameras.rig_layouts import save_rig
 from tracker.foundation.errors import ConfigError, MatchingError, SequenceError, TrackerError
 from tracker.images import film
-from tracker.points.following.following import Following
 from tracker.points.following.record import read
-from tracker.points.surfaces.growth import Growth
-from tracker.points.surfaces.surface import SurfaceMeasurement
 from tracker.running.cli import app
 from tracker.running.jobs import _following, execute, load_job
-from tracker.running.jobs._following import Born
 
 N_FRAMES = 7
 rig, frames = following.rig, following.frames
@@ -263,21 +257,6 @@ def test_clicks_beside_the_surface_are_those_of_the_images_that_are_followed(fol
     clicks = [f"key_points.knee.{name}=[{x}, {y}]" for name, (x, y) in zip(rig.names, half, strict=False)]
     job = load_job("follow", folder / "follow.toml", (*clicks, "surface.preparation.odd_lines_only=true"))
     np.testing.assert_allclose(job._around(rig).keywords["places"], place, atol=1e-6)
-
-
-def test_texture_at_the_border_alone_is_told(rig):
-    dot = np.full((160, 200), 90, np.uint8)
-    dot[2:5, 3:6] = 200
-    born = Born(SurfaceMeasurement(), Following(), Rig(rig.cameras[:1]), (), [])
-    with pytest.raises(MatchingError, match="no patch of 15 px around it is within the image"):
-        born.first(Frame(0, 0.0, (dot,)), (dot,))
-
-
-def test_points_of_voxels_are_born_where_their_pixels_are(rig, frames):
-    measurement = SurfaceMeasurement(growth=Growth(step_px=8), voxel_mm=30)
-    new = Born(measurement, Following(), rig, (), []).first(frames[0], ())
-    assert 50 < len(new.positions) < 120
-    np.testing.assert_allclose(rig.project(new.positions), new.pixels, atol=0.2)
 
 
 @pytest.mark.usefixtures("small_figures")

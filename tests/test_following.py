@@ -14,7 +14,7 @@ from tracker.cameras.camera import Camera
 from tracker.cameras.frame import Frame
 from tracker.cameras.rig import Rig
 from tracker.cameras.triangulation import triangulate
-from tracker.foundation.errors import SequenceError
+from tracker.foundation.errors import MatchingError, SequenceError
 from tracker.kernels.adjustment import intersect_rays
 from tracker.points.following.births import Density, chosen_evenly, points_of_image, points_of_surface
 from tracker.points.following.following import Following
@@ -24,6 +24,7 @@ from tracker.points.surfaces import LeastSquaresMatching
 from tracker.points.surfaces.growth import Growth
 from tracker.points.surfaces.surface import Preparation, SurfaceMeasurement, measure_surface
 from tracker.points.trajectories import PointStatus
+from tracker.running.jobs._following import Born
 
 SIZE, NOISE, N_FRAMES = (200, 160), 1.0, 9
 TEXTURE, OTHER = Waves(0.012, widest=16.0, n=120), Waves(0.012, seed=3, widest=16.0, n=120)
@@ -365,3 +366,18 @@ def test_of_two_points_that_run_together_the_older_one_goes_on(frames, born):
     points.since[3] = 251
     assert not Density().kept(points, 4.0)[3]
     assert Density(forget_frames=None).kept(points, 4.0)[3]
+
+
+def test_texture_at_the_border_alone_is_told(rig):
+    dot = np.full((160, 200), 90, np.uint8)
+    dot[2:5, 3:6] = 200
+    born = Born(SurfaceMeasurement(), Following(), Rig(rig.cameras[:1]), (), [])
+    with pytest.raises(MatchingError, match="no patch of 15 px around it is within the image"):
+        born.first(Frame(0, 0.0, (dot,)), (dot,))
+
+
+def test_points_of_voxels_are_born_where_their_pixels_are(rig, frames):
+    measurement = SurfaceMeasurement(growth=Growth(step_px=8), voxel_mm=30)
+    new = Born(measurement, Following(), rig, (), []).first(frames[0], ())
+    assert 50 < len(new.positions) < 120
+    np.testing.assert_allclose(rig.project(new.positions), new.pixels, atol=0.2)
