@@ -78,9 +78,8 @@ _STEP = 3
 
 def _two_of(recording: Recorded) -> list[str]:
     """The first and the second view by name: in the room they face each other, 150 degrees apart, except for one."""
-    pattern = Path(str(recording.reading["path"]))
-    before, _, behind = pattern.name.partition("{view}")
-    return sorted(one.name[len(before) : -len(behind)] for one in pattern.parent.glob(f"{before}*{behind}"))[:2]
+    before, _, behind = Path(str(recording.reading["path"])).name.partition("{view}")
+    return [path.name[len(before) : -len(behind)] for path in recording.videos()][:2]
 
 
 _FRAMES: tuple[Callable[[Score], int], ...] = (

@@ -43,7 +43,7 @@ class Change:
 
 
 def _views_backwards(one: Recorded, folder: Path) -> Recorded:
-    names = [path.stem for path in _videos(one)]
+    names = [path.stem for path in one.videos()]
     return replace(one, reading={**one.reading, "views": names[::-1]})
 
 
@@ -63,7 +63,7 @@ def _mirrored(one: Recorded, folder: Path) -> Recorded:
     made = _written(one, folder, "png", flipped, [])
     rig = load_rig(Path(str(one.reading["rig"])))
     save_rig(Rig(tuple(mirrored_camera(camera) for camera in rig.cameras)), folder / "rig.toml")
-    for path in _videos(one):
+    for path in one.videos():
         plate = Path(str(one.plates["background"]).replace("{view}", path.stem))
         cv2.imwrite(str(folder / f"{path.stem}_plate.png"), flipped(intact_image(plate)))
     with one.truth.open(newline="", encoding="utf-8") as file:
@@ -159,17 +159,12 @@ def _scores(one: Recorded, change: Change, plates: bool, n_frames: int, code: Co
     return list(found)
 
 
-def _videos(one: Recorded) -> list[Path]:
-    pattern = Path(str(one.reading["path"]))
-    return sorted(pattern.parent.glob(pattern.name.replace("{view}", "*")))
-
-
 def _written(
     one: Recorded, folder: Path, suffix: str, change: Callable[[Image], Image], options: list[int]
 ) -> Recorded:
     """The recording with its images, changed, as files."""
     rate = 25.0
-    for path in _videos(one):
+    for path in one.videos():
         film = cv2.VideoCapture(str(path))
         rate = film.get(cv2.CAP_PROP_FPS)
         for n, image in enumerate(_images(film, _FIRST + _N_FRAMES)):

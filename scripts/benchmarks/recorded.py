@@ -41,6 +41,11 @@ class Recorded:
     keypoints: str = ""
     """Path of 2-D detections with `{view}`; empty where there are none."""
 
+    def videos(self) -> list[Path]:
+        """The views' files, in the order of their names."""
+        pattern = Path(str(self.reading["path"]))
+        return sorted(pattern.parent.glob(pattern.name.replace("{view}", "*")))
+
     def with_keypoints(self) -> tuple[str, ...]:
         """Settings by which detections are evidence beside the default and what a person is found by."""
         told = f'{{use="keypoints",path="{self.keypoints}"}}'

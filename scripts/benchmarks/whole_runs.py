@@ -58,17 +58,12 @@ class Film:
     recording: Recorded
     n_frames: int
 
-    def videos(self) -> list[Path]:
-        """The views' files."""
-        pattern = Path(str(self.recording.reading["path"]))
-        return sorted(pattern.parent.glob(pattern.name.replace("{view}", "*")))
-
     def floor_s(self) -> float:
         """CPU seconds of decoding its frames and one Canny of each image, on one thread."""
         n_threads = cv2.getNumThreads()
         cv2.setNumThreads(1)
         begin = time.process_time()
-        for path in self.videos():
+        for path in self.recording.videos():
             with av.open(str(path)) as container:
                 stream = container.streams.video[0]
                 stream.thread_count = 1
@@ -81,7 +76,7 @@ class Film:
     def there_and_back(self, n_frames: int, folder: Path) -> Film:
         """The same recording shown forwards and backwards until it has so many frames, in files of its own."""
         folder.mkdir()
-        for path in self.videos():
+        for path in self.recording.videos():
             with av.open(str(path)) as container:
                 rate = container.streams.video[0].average_rate or Fraction(25)
                 images = [frame.to_ndarray(format="yuv420p") for frame in container.decode(video=0)][: self.n_frames]
@@ -94,7 +89,7 @@ class Film:
                     frame = av.VideoFrame.from_ndarray(images[way[k % len(way)]], format="yuv420p")
                     container.mux(stream.encode(frame))
                 container.mux(stream.encode(None))
-        suffix = self.videos()[0].suffix
+        suffix = self.recording.videos()[0].suffix
         reading = {**self.recording.reading, "path": str(folder / f"{{view}}{suffix}")}
         name = f"{self.recording.name}, encoded anew"
         told = {**self.recording.__dict__, "name": name, "reading": reading, "n_frames": n_frames}

@@ -66,7 +66,7 @@ def advance(
     found_of, current = dict[int, Estimate](), predicted
     colours = cache(partial(part_colours, sight, predicted))
     with clock("refinement"):
-        for k in _most_shown_first(drawn[0], predicted):
+        for k in _most_shown_first(predicted, lambda: drawn[0]):
             # Earlier persons are at their best poses by now, later ones as predicted (paper, figure 2).
             objective = objective_of(current, k, cycle, observed, state.histories[k])
             nearby = is_out_of_sight(state.troubles[k], cycle.loss)
@@ -97,10 +97,11 @@ def advance(
     return replace(step, start=start)
 
 
-def _most_shown_first(contours: Contours, scene: Scene) -> list[int]:
+def _most_shown_first(scene: Scene, draw: Callable[[], Contours]) -> list[int]:
     """Persons, those first who show most contour in the first pose: the order of their names does not matter."""
     if len(scene.persons) == 1:
         return [0]
+    contours = draw()
     shown = np.bincount(contours.parts[0][contours.valid[0]], minlength=len(scene.shapes))
     begins = [scene.first_part(k) for k in range(len(scene.persons))]
     lengths = np.add.reduceat(shown, begins)
@@ -134,7 +135,7 @@ def settled(
         whom: persons whose limbs are searched wherever they may be, also by these colours.
     """
     found_of = dict[int, Estimate]()
-    for k in _most_shown_first(cycle.synthesis.contours(scene), scene):
+    for k in _most_shown_first(scene, partial(cycle.synthesis.contours, scene)):
         objective = replace(objective_of(scene, k, cycle, observed), colours=colours)
         estimate = cycle.estimation.estimate(objective, scene.persons[k].q[None])
         if k in whom:
