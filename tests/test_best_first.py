@@ -18,7 +18,7 @@ from tracker.foundation.arrays import Array
 from tracker.images.sight import Observation
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.estimation.best_first import BestFirstEstimation
-from tracker.tracking.objective import Objective
+from tracker.tracking.objective import NATS_PER_PX, Objective
 
 
 @dataclass
@@ -33,8 +33,8 @@ class Landscape:
         self.asked.append(np.array(poses))
         return self.height(poses)
 
-    def deciding_px(self, poses: Array) -> Array:
-        return self(poses)
+    def nats(self, poses: Array) -> Array:
+        return NATS_PER_PX * self(poses)
 
     def estimate(self, q: Array, covariance: Array, evaluations: int) -> Estimate:
         nothing = np.zeros(0)

@@ -18,7 +18,6 @@ from tracker.foundation.arrays import Array, Image
 from tracker.foundation.errors import InitializationError
 from tracker.synthesis.simulation.sequence import Simulation
 from tracker.tracking.cycle import Cycle
-from tracker.tracking.cycle_turn import settled
 from tracker.tracking.estimate import Estimate, Status
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 from tracker.tracking.initialization import Stages
@@ -80,24 +79,6 @@ def test_the_first_frames_are_followed_back_from_a_surer_start(simulation: Simul
     assert statuses == [Status.TRACKED] * 5 + [Status.BOOTSTRAPPED] + [Status.TRACKED] * 3
     assert [step.frame.index for step in steps if step.start is not None] == [5]
     assert [step.frame.time_s for step in steps] == [frame.time_s for frame in simulation.frames()]
-
-
-def test_a_start_that_is_lost_before_it_is_followed_is_settled_as_in_a_first_frame(
-    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A man at his desk went out of all views where the colours of his parts did not decide."""
-    asked: list[bool] = []
-
-    def astray(scene: Scene, cycle: Cycle, observed: object, found: Status, *more: object) -> object:
-        estimates, moved = settled(scene, cycle, observed, found, *more)  # type: ignore[arg-type]
-        asked.append(bool(more))
-        return estimates if more else tuple(replace(one, status=Status.LOST) for one in estimates), moved
-
-    monkeypatch.setattr("tracker.tracking.easier_start.settled", astray)
-    steps = tracked(simulation, cycle_for(simulation, TurnedRoundAtFirst(simulation, until=2), loss=RULE))
-    assert asked == [False, True]
-    assert steps[5].estimates[0].status is Status.BOOTSTRAPPED
-    assert max(errors_mm(simulation, steps)) < 10
 
 
 def test_nobody_is_looked_for_anew_on_the_way_back(simulation: Simulation) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence.auto import AutoEvidence
 from tracker.evidence.measures.outlines import Comparison
-from tracker.evidence.measures.part_colours import part_colours
+from tracker.evidence.measures.part_colours import colours_when_asked
 from tracker.foundation.arrays import Array
 from tracker.images.sight import Sight
 from tracker.synthesis.cpu import CpuSynthesis
@@ -24,7 +23,7 @@ from tracker.tracking.estimate import Status
 from tracker.tracking.estimation.hybrid import HybridEstimation
 from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 from tracker.tracking.initialization import Stages
-from tracker.tracking.objective import Objective
+from tracker.tracking.objective import NATS_PER_PX, Objective
 from tracker.tracking.other_places import in_likeliest_places
 from tracker.tracking.start import Start
 
@@ -57,7 +56,7 @@ def objective(filmed: Simulation) -> Objective:
     evidence = AutoEvidence()
     observed = evidence.observe(sight, synthesis.contours(scene))
     objective = Objective(Comparison(scene, 0, synthesis, observed), evidence)
-    return replace(objective, colours=cache(partial(part_colours, sight, scene)))
+    return replace(objective, colours=colours_when_asked(sight))
 
 
 def moved(filmed: Simulation, **degrees: float) -> Array:
@@ -81,7 +80,7 @@ def test_a_limb_in_the_wrong_place_is_found(filmed, objective: Objective, wrong:
     body = objective.body
     joints = [k for k, name in enumerate(body.landmark_names) if name.endswith(("elbow", "wrist", "knee", "ankle"))]
     assert joint_errors_mm(filmed, 0, FRAME, found.q)[joints].max() < 40
-    after, before = objective.deciding_px(np.array([found.q, estimate.q]))
+    after, before = objective.nats(np.array([found.q, estimate.q]))
     assert after <= before
 
 
@@ -127,9 +126,9 @@ def test_nothing_is_tried_of_who_is_lost(filmed, objective: Objective) -> None:
 def test_colours_decide_beside_distances_alone(filmed, objective: Objective) -> None:
     poses = np.array([filmed.poses[0][FRAME], moved(filmed, right_arm_elevation=-20.0)])
     contours = replace(objective, colours=None)
-    assert_alike(contours.deciding_px(poses), objective(poses), SINGLE)
-    (lead,) = np.diff(contours.deciding_px(poses))
-    assert np.diff(objective.deciding_px(poses)) > lead + 0.1
+    assert_alike(contours.nats(poses), NATS_PER_PX * objective(poses), SINGLE)
+    (lead,) = np.diff(contours.nats(poses))
+    assert np.diff(objective.nats(poses)) > lead + 0.4
 
 
 def test_an_arm_that_is_started_hanging_is_found_before_the_chest() -> None:

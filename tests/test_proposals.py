@@ -17,8 +17,8 @@ from tracker.bodies.limbs import are_apart
 from tracker.bodies.scene import Scene
 from tracker.foundation.resources import model_path
 from tracker.tracking import proposals
-from tracker.tracking.objective import Objective
-from tracker.tracking.verdict import LEAD_PX, explains_better, likelier
+from tracker.tracking.objective import NATS_PER_PX, Objective
+from tracker.tracking.verdict import LEAD_NATS, explains_better, likelier
 
 WAYS = [name for _, name, _ in pkgutil.iter_modules(proposals.__path__)]
 
@@ -62,7 +62,8 @@ def test_a_proposal_is_promising_and_the_same_every_time(
     q = wrong(truth)
     for limb in objective.body.limbs:
         poses, _ = propose(objective, q, limb)
-        assert (objective(poses) < objective(q[None])[0] + proposals.PROMISING_PX).all()
+        most_px = proposals.PROMISING_NATS / NATS_PER_PX
+        assert (objective(poses) < objective(q[None])[0] + most_px).all()
         np.testing.assert_array_equal(poses, propose(objective, q, limb)[0])
 
 
@@ -72,17 +73,17 @@ def slope(off_px: Callable[[np.ndarray], float]) -> Objective:
     return cast("Objective", Landscape(body, lambda poses: np.array([off_px(q) for q in poses])))
 
 
-@pytest.mark.parametrize("lead_px", [-1.0, 0.0, 0.5 * LEAD_PX, 1.5 * LEAD_PX])
-def test_a_pose_with_a_limb_elsewhere_needs_a_lead_and_one_beside_it_does_not(lead_px: float) -> None:
+@pytest.mark.parametrize("lead", [-3.0, 0.0, 0.5 * LEAD_NATS, 1.5 * LEAD_NATS])
+def test_a_pose_with_a_limb_elsewhere_needs_a_lead_and_one_beside_it_does_not(lead: float) -> None:
     body = load_body(model_path("gavrila22"))
     here = bent(body)
     column = body.index("left_arm_abduction")
-    for turn_deg, least_px in ((1.0, 0.0), (-60.0, LEAD_PX)):
+    for turn_deg, least in ((1.0, 0.0), (-60.0, LEAD_NATS)):
         there = here.copy()
         there[column] += np.radians(turn_deg)
-        objective = slope(lambda q, there=there: 2.0 - lead_px * float(np.array_equal(q, there)))
+        objective = slope(lambda q, there=there: 2.0 - lead / NATS_PER_PX * float(np.array_equal(q, there)))
         assert are_apart(body, there, here) == (abs(turn_deg) > 30)
-        assert explains_better(objective, here, there) == (lead_px > least_px)
+        assert explains_better(objective, here, there) == (lead > least)
         assert not explains_better(objective, here, here)
         # never both ways
         assert not (explains_better(objective, here, there) and explains_better(objective, there, here))

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from benchmarks.pair_table import keep_pairs
 from benchmarks.switches import RULES, Given, Rule, chosen
 
 FILE = "rules.json"
@@ -23,6 +24,7 @@ FILE = "rules.json"
 def main() -> None:
     """Runs the command line that follows the rules to be switched off."""
     off = set(chosen(sys.argv.pop(1)))
+    keep_pairs()
     asked, noticed = Counter[str](), Counter[str]()
     for rule in RULES:
         for place in rule.places:

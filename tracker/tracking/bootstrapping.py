@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache, partial
 
 import numpy as np
 
@@ -12,7 +11,6 @@ from tracker.bodies.limbs import are_apart
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence import Observed
-from tracker.evidence.measures.part_colours import part_colours
 from tracker.foundation.errors import InitializationError
 from tracker.images.sight import Sight
 from tracker.tracking.clock import Clock
@@ -61,8 +59,7 @@ def bootstrap(
     if start is None:
         return replace(unfound(sight, scene, cycle, clock), why_unfound=why)
     with clock("refinement"):
-        hide_strangers(sight, scene, cycle.synthesis)
-        estimates, scene = _settled_where_found(sight, scene, cycle)
+        estimates, scene = settled_where_found(sight, scene, cycle)
     clock.move("refinement", "search", sum(estimate.search_s for estimate in estimates))
     if give_up and all(estimate.lost for estimate in estimates):
         share = max(estimate.account.explained for estimate in estimates)
@@ -117,19 +114,21 @@ def unfound(sight: Sight, scene: Scene, cycle: Cycle, clock: Clock | None = None
     return finished(sight, scene, cycle.synthesis, estimates, clock, cycle.loss.least_views)
 
 
-def _settled_where_found(sight: Sight, scene: Scene, cycle: Cycle) -> tuple[tuple[Estimate, ...], Scene]:
+def settled_where_found(sight: Sight, scene: Scene, cycle: Cycle) -> tuple[tuple[Estimate, ...], Scene]:
     """Estimates of all persons; the images are observed anew around them until no limb moves any more.
+
+    Strangers hide them before.
 
     Edges are found near expected contours, so that a limb's true place has fewer of them than its present one. A leg
     that was started kicking (7.2 px) came down by half (8.0 px); with another observation there it hangs as it does
     (6.2 px). With one observation it was up in 43 frames.
     """
+    hide_strangers(sight, scene, cycle.synthesis)
     everybody = range(len(scene.persons))
     for _ in range(_ROUNDS):
         expected = scene
         observed = cycle.evidence.observe(sight, cycle.synthesis.contours(expected))
-        colours = cache(partial(part_colours, sight, expected))
-        estimates, scene = settled(expected, cycle, observed, Status.BOOTSTRAPPED, colours, everybody)
+        estimates, scene = settled(sight, expected, cycle, observed, Status.BOOTSTRAPPED, everybody)
         pairs = zip(expected.persons, estimates, strict=True)
         if not any(are_apart(person.body, one.q, person.q) for person, one in pairs):
             break

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from tracker.bodies.contours import Contours, joined
 from tracker.bodies.scene import Scene
 from tracker.evidence import Observed
 from tracker.evidence.measures.outlines import Comparison
-from tracker.evidence.measures.part_colours import PartColours, part_colours
+from tracker.evidence.measures.part_colours import PartColours, colours_when_asked
 from tracker.foundation.arrays import Array
 from tracker.foundation.errors import InitializationError
 from tracker.images.sight import Sight
@@ -64,13 +64,12 @@ def advance(
             hide_strangers(sight, predicted, cycle.synthesis)
         observed = cycle.evidence.observe(sight, expected, state.memory)
     found_of, current = dict[int, Estimate](), predicted
-    colours = cache(partial(part_colours, sight, predicted))
+    colours = colours_when_asked(sight)
     with clock("refinement"):
         for k in _most_shown_first(predicted, lambda: drawn[0]):
             # Earlier persons are at their best poses by now, later ones as predicted (paper, figure 2).
-            objective = objective_of(current, k, cycle, observed, state.histories[k])
-            nearby = is_out_of_sight(state.troubles[k], cycle.loss)
-            objective = replace(objective, nearby=nearby, colours=colours)
+            objective = objective_of(current, k, cycle, observed, colours, state.histories[k])
+            objective = replace(objective, nearby=is_out_of_sight(state.troubles[k], cycle.loss))
             rival = rivals[k] if rivals and not rivals[k].lost else None
             found = _refined(objective, again[k] if again else None, cycle)
             if found is None:
@@ -117,26 +116,21 @@ def _refined(objective: Objective, q: Array | None, cycle: Cycle) -> Estimate | 
 
 
 def settled(
-    scene: Scene,
-    cycle: Cycle,
-    observed: Observed,
-    found: Status,
-    colours: Callable[[], PartColours] | None = None,
-    whom: Collection[int] = (),
+    sight: Sight, scene: Scene, cycle: Cycle, observed: Observed, found: Status, whom: Collection[int] = ()
 ) -> tuple[tuple[Estimate, ...], Scene]:
     """Estimates of all persons started from the poses of the scene itself.
 
     Args:
+        sight: the images.
         scene: the persons.
         cycle: the components.
         observed: by the evidence.
         found: status of persons who are not lost.
-        colours: of the frame, computed once.
-        whom: persons whose limbs are searched wherever they may be, also by these colours.
+        whom: persons whose limbs are searched wherever they may be.
     """
-    found_of = dict[int, Estimate]()
+    colours, found_of = colours_when_asked(sight), dict[int, Estimate]()
     for k in _most_shown_first(scene, partial(cycle.synthesis.contours, scene)):
-        objective = replace(objective_of(scene, k, cycle, observed), colours=colours)
+        objective = objective_of(scene, k, cycle, observed, colours)
         estimate = cycle.estimation.estimate(objective, scene.persons[k].q[None])
         if k in whom:
             estimate = in_likeliest_places(objective, estimate)
@@ -145,9 +139,17 @@ def settled(
     return tuple(found_of[k] for k in range(len(scene.persons))), scene
 
 
-def objective_of(scene: Scene, k: int, cycle: Cycle, observed: Observed, history: History | None = None) -> Objective:
+def objective_of(
+    scene: Scene,
+    k: int,
+    cycle: Cycle,
+    observed: Observed,
+    colours: Callable[[Scene], PartColours] | None = None,
+    history: History | None = None,
+) -> Objective:
     """The objective of a scene's person k, with the others in place."""
-    return Objective(Comparison(scene, k, cycle.synthesis, observed), cycle.evidence, history).by_surface()
+    asked = Comparison(scene, k, cycle.synthesis, observed)
+    return Objective(asked, cycle.evidence, history, colours=colours).by_surface()
 
 
 def judged_by(objective: Objective, estimate: Estimate, loss: LossRule, found: Status = Status.TRACKED) -> Estimate:
@@ -185,10 +187,10 @@ def _recover(
     trial = scene.with_poses(tuple(poses))
     expected = joined([cycle.synthesis.contours(scene), cycle.synthesis.contours(trial)])
     observed = cycle.evidence.observe(sight, expected, state.memory)
-    colours = cache(partial(part_colours, sight, trial))
-    again, _ = settled(trial, cycle, observed, Status.RECOVERED, colours, sought)
+    again, _ = settled(sight, trial, cycle, observed, Status.RECOVERED, sought)
+    colours = colours_when_asked(sight)
     for k in sought:
-        judge = replace(objective_of(scene, k, cycle, observed), colours=colours)
+        judge = objective_of(scene, k, cycle, observed, colours)
         if not again[k].lost and (recovered[k].lost or explains_better(judge, scene.persons[k].q, again[k].q)):
             recovered[k] = again[k]
             scene = scene.with_pose(k, again[k].q)

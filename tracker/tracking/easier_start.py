@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, partial
 
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
-from tracker.evidence.measures.part_colours import part_colours
 from tracker.foundation.errors import InitializationError
 from tracker.images.sight import Sight
 from tracker.tracking.backwards import as_replay, frames_before, tracked_back
+from tracker.tracking.bootstrapping import settled_where_found
 from tracker.tracking.cycle import Cycle, State
-from tracker.tracking.cycle_turn import settled
-from tracker.tracking.estimate import Status
 from tracker.tracking.rehearsal import Reopen, rehearsed
 from tracker.tracking.start import Start, sureness
-from tracker.tracking.strangers import hide_strangers
 from tracker.tracking.trajectory import Replay, Step
 
 # See docs/lab/wrong_way_back.md.
@@ -137,16 +133,7 @@ def _followed_back(first: int, last: Frame, scene: Scene, cycle: Cycle, reopen: 
     """
     cycle = replace(cycle, seeks=False)
     sight = Sight(last, cycle.plates)
-    hide_strangers(sight, scene, cycle.synthesis)
-    observed = cycle.evidence.observe(sight, cycle.synthesis.contours(scene))
-    begun = scene
-    estimates, scene = settled(begun, cycle, observed, Status.BOOTSTRAPPED)
-    if any(one.lost for one in estimates):
-        # By contours and colours beside them a man at his desk, 20 mm off, left all views; in a first frame the colours
-        # of the parts decide as well, and he stays.
-        colours = cache(partial(part_colours, sight, begun))
-        everybody = range(len(begun.persons))
-        estimates, scene = settled(begun, cycle, observed, Status.BOOTSTRAPPED, colours, everybody)
+    estimates, scene = settled_where_found(sight, scene, cycle)
     step = Step(last, scene, estimates, cycle.synthesis.contours(scene))
     state = State.before(scene).after(sight, step, cycle.evidence, cycle.loss)
     replays = {last.index: as_replay(step)}

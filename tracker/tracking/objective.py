@@ -22,6 +22,10 @@ from tracker.tracking.trajectory import History
 
 _Found = TypeVar("_Found")
 
+# Fitted by scripts/fit_doubt.py to pairs of poses of which one is nearer to the truth. See docs/lab/one_comparison.md.
+NATS_PER_PX, NATS_OF_COLOURS = 2.9, 110.0
+"""What a px of distance tells, and a nat a pixel of impurity (`PartColours.impurities`), nats."""
+
 
 @dataclass(frozen=True)
 class Objective:
@@ -46,11 +50,8 @@ class Objective:
     """Whether a pose is sought only near the starts: in the frames in which the search for a person who has left does
     not begin anew. A search of the whole pose in every frame took 1.2 s each in an empty room, and 0.03 s without."""
 
-    colours: Callable[[], PartColours] | None = None
-    """Part colours of the frame, used if limbs are in two places."""
-
-    impure_px: float = 30.0
-    """Weight of a nat a pixel of impurity against the distance, px, see `PartColours.impurity`."""
+    colours: Callable[[Scene], PartColours] | None = None
+    """Part colours of the frame, used if limbs are in two places; see `part_colours.colours_when_asked`."""
 
     rare_px: float = 0.02
     """Cost of a parameter one standard deviation from its usual value, px; twice as far costs four times as much."""
@@ -67,19 +68,20 @@ class Objective:
         evidence, question = self.evidence, self.asked
         return self._each("distance", poses, lambda asked: evidence.distances(question, asked) + self.penalties(asked))
 
-    def deciding_px(self, poses: Array) -> Array:
-        """Decides between poses (B, dof) with limbs in different places: distance, and mixture of part colours.
+    def nats(self, poses: Array) -> Array:
+        """Improbability (B,) of poses (B, dof) with limbs in different places, up to a constant, nats.
 
-        Contours of a limb that hangs down along trunk and thigh are theirs: with arms crossed before the chest, 0.4 m
-        off in all 80 frames of a squat, 3 % of the contour was left over, and the true place cost as much, to 0.03 px.
+        The sum of their distance and the mixture of their parts' colours, each by what it tells. Contours of a limb
+        that hangs down along trunk and thigh are theirs: with arms crossed before the chest, 0.4 m off in all 80 frames
+        of a squat, 3 % of the contour was left over, and the true place cost as much, to 0.03 px.
         """
-        distances = self(poses)
+        found: Array = NATS_PER_PX * self(poses)
         if self.colours is None:
-            return distances
-        colours, (scene, person) = self.colours, (self.asked.scene, self.asked.person)
-        impurities = self._each("impurity", poses, lambda asked: colours().impurities(scene, person, asked))
-        deciding: Array = distances + self.impure_px * impurities
-        return deciding
+            return found
+        (scene, person), made = (self.asked.scene, self.asked.person), self.colours
+        colours = self.kept("colours", lambda: made(scene.with_pose(person, poses[0])))
+        impurities = self._each("impurity", poses, lambda asked: colours.impurities(scene, person, asked))
+        return found + NATS_OF_COLOURS * impurities
 
     def penalties(self, poses: Array) -> Array:
         """Penalty (B,) of poses (B, dof) for collisions and unusual angles, px."""

@@ -22,7 +22,7 @@ def in_likeliest_places(objective: Objective, estimate: Estimate, limbs: Collect
     """The estimate, perhaps with limbs elsewhere, if contours and the colours of parts together support them.
 
     Estimations search limbs with poor contours; a limb in the wrong place may have good ones, see
-    `Objective.deciding_px`. Four limbs take 0.4 s of CPU a start (simulated squat, 720x576).
+    `Objective.nats`. Four limbs take 0.4 s of CPU a start (simulated squat, 720x576).
 
     Args:
         objective: of the frame, with the other persons where they are.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache, partial
 from statistics import fmean
 from typing import TypeVar
 
@@ -13,7 +12,6 @@ from tracker.bodies.limbs import are_apart, turned_round
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence import GUESSED
-from tracker.evidence.measures.part_colours import part_colours
 from tracker.images.sight import Sight
 from tracker.synthesis import side_by_side
 from tracker.tracking.cycle import Cycle, State
@@ -232,8 +230,7 @@ def _begun(one: Hypothesis, start: Start, k: int, frame: Frame, scene: Scene, cy
     hide_strangers(sight, scene, cycle.synthesis)
     observed = cycle.evidence.observe(sight, cycle.synthesis.contours(scene), GUESSED)
     # Or the right one loses by limbs that are elsewhere: it left 0.42 over instead of 0.20.
-    colours = cache(partial(part_colours, sight, scene))
-    estimates, scene = settled(scene, cycle, observed, Status.BOOTSTRAPPED, colours, (k,))
+    estimates, scene = settled(sight, scene, cycle, observed, Status.BOOTSTRAPPED, (k,))
     step = Step(frame, scene, estimates, cycle.synthesis.contours(scene))
     state = State.before(scene).after(sight, step, cycle.evidence, cycle.loss)
     return _Trial(one, scene, state, (estimates[k],))

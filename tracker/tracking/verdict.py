@@ -13,22 +13,22 @@ from tracker.tracking.objective import Objective
 
 # On two recordings a smaller lead went from the right pose to a wrong one three times, and never back; a larger one did
 # so once of seven times. See docs/lab/defaults_with_plates.md and docs/lab/one_comparison.md.
-LEAD_PX = 0.1
-"""Lead of a pose with limbs in other places, px: more than a refinement from another start gains."""
+LEAD_NATS = 0.3
+"""Lead of a pose with limbs in other places, nats: more than a refinement from another start gains."""
 
 
 def explains_better(objective: Objective, q: Array, other: Array) -> bool:
     """Whether the images support another pose (dof,) more than the present one (dof,).
 
     With limbs in the same places the distance alone decides; with limbs in other places the colours of parts count as
-    well, and the other pose must lead by `LEAD_PX`.
+    well, and the other pose must lead by `LEAD_NATS`.
     """
     poses = np.array([q, other])
     if not are_apart(objective.body, other, q):
         mine, theirs = objective(poses)
         return bool(theirs < mine)
-    mine, theirs = objective.deciding_px(poses)
-    return bool(theirs < mine - LEAD_PX)
+    mine, theirs = objective.nats(poses)
+    return bool(theirs < mine - LEAD_NATS)
 
 
 def likelier(objective: Objective, mine: Estimate, other: Estimate) -> Estimate:

@@ -6,7 +6,7 @@ nothing, so that it works in the first frame.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -73,6 +73,18 @@ class PartColours:
             kind = kinds[seen.ravel()[places]]
             counts += np.bincount(kind * N_COLOURS + numbers, minlength=len(counts))
         return _entropy(counts.reshape(-1, N_COLOURS))
+
+
+def colours_when_asked(sight: Sight) -> Callable[[Scene], PartColours]:
+    """The colours of a frame, made around the scene that is asked about first: most frames need none."""
+    made: list[PartColours] = []
+
+    def at(scene: Scene) -> PartColours:
+        if not made:
+            made.append(part_colours(sight, scene))
+        return made[0]
+
+    return at
 
 
 def part_colours(sight: Sight, scene: Scene) -> PartColours:

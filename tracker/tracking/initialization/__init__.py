@@ -11,6 +11,7 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence import GUESSED, Evidence
 from tracker.evidence.measures.outlines import Comparison
+from tracker.evidence.measures.part_colours import colours_when_asked
 from tracker.foundation.progress import Progress, Tally, silent
 from tracker.images.plate import Plate
 from tracker.images.sight import Sight
@@ -57,8 +58,10 @@ class Stages:
 
     def objective(self, frame: Frame, scene: Scene, person: int, expected: Contours | None = None) -> Objective:
         """The objective of a person's pose in a frame, observed everywhere or near expected contours."""
-        observed = self.evidence.observe(Sight(frame, self.plates), expected, GUESSED)
-        return Objective(Comparison(scene, person, self.synthesis, observed), self.evidence)
+        sight = Sight(frame, self.plates)
+        observed = self.evidence.observe(sight, expected, GUESSED)
+        asked = Comparison(scene, person, self.synthesis, observed)
+        return Objective(asked, self.evidence, colours=colours_when_asked(sight))
 
 
 @runtime_checkable

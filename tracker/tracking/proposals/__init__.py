@@ -10,14 +10,14 @@ import numpy as np
 from tracker.foundation.arrays import Array
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.estimation import Estimation
-from tracker.tracking.objective import Objective
+from tracker.tracking.objective import NATS_PER_PX, Objective
 from tracker.tracking.verdict import likelier
 
-PROMISING_PX = 2.5
-"""Largest excess of a proposed pose's distance over the present one's before it is refined, px: by contours alone, and
+PROMISING_NATS = 7.0
+"""By how much less probable than the present pose a proposed one may be and be refined, nats: by contours alone, and
 with the colours of parts. Of 8496 poses that six recordings proposed 6399 were nearer with colours, and of the 273
-accepted in the end 264. If a leg lies in the other one, where it has no contour to be wrong, its true place costs 1.05
-px more by contours. See docs/lab/part_colours.md, docs/lab/one_comparison.md and docs/lab/vain_searches.md."""
+accepted in the end 264. If a leg lies in the other one, where it has no contour to be wrong, its true place costs 3
+nats more by contours. See docs/lab/part_colours.md, docs/lab/one_comparison.md and docs/lab/vain_searches.md."""
 
 
 class Proposal(Protocol):
@@ -40,16 +40,16 @@ class Proposal(Protocol):
 
 def promising(objective: Objective, poses: Array, q: Array) -> Array:
     """Those of some poses (N, dof) that a refinement may bring below the present one (dof,), the nearest ones first."""
-    distances = objective(np.concatenate([q[None], poses]))
+    distances = NATS_PER_PX * objective(np.concatenate([q[None], poses]))
     order = np.argsort(distances[1:], kind="stable")
-    found: Array = poses[order[distances[1:][order] < distances[0] + PROMISING_PX]]
+    found: Array = poses[order[distances[1:][order] < distances[0] + PROMISING_NATS]]
     return found
 
 
 def tried(objective: Objective, estimate: Estimate, limb: str, propose: Proposal, refinement: Estimation) -> Estimate:
     """The estimate, or the likeliest proposed pose of a limb, refined."""
     poses, n_evaluations = propose(objective, estimate.q, limb)
-    deciding = objective.deciding_px(np.concatenate([estimate.q[None], poses]))
-    for q in poses[deciding[1:] < deciding[0] + PROMISING_PX]:
+    nats = objective.nats(np.concatenate([estimate.q[None], poses]))
+    for q in poses[nats[1:] < nats[0] + PROMISING_NATS]:
         estimate = likelier(objective, estimate, refinement.estimate(objective, q[None]))
     return replace(estimate, evaluations=estimate.evaluations + n_evaluations)

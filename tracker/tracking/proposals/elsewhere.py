@@ -24,7 +24,7 @@ def propose(objective: Objective, q: Array, limb: str) -> tuple[Array, int]:
     poses = _over_all_places(body, q, limb)
     poses = poses[are_apart(body, poses, q, body.landmarks_of(limb))]
     different = _different(body, promising(objective.by_parts(), poses, q), limb)
-    likeliest = np.argsort(objective.deciding_px(different), kind="stable")[:_REFINED]
+    likeliest = np.argsort(objective.nats(different), kind="stable")[:_REFINED]
     return different[likeliest], len(poses) + len(different)
 
 
