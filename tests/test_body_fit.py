@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 from doubted import in_doubt
 from recordings import TrueStart, cycle_for, small_simulation
-from test_easier_start import TurnedRoundAtFirst
 from test_run import killed_after
 from test_shape_space import some_shape, space
 
@@ -43,7 +41,7 @@ from tracker.tracking.objective import Objective
 from tracker.tracking.other_places import in_likeliest_places
 from tracker.tracking.start import Start
 from tracker.tracking.trajectory import Step
-from tracker.tracking.windows import back, there
+from tracker.tracking.windows import there
 
 QUICK = ViewSettings(frames=4, rounds=1, fit=FitSettings(iterations=6, pose_deg=8.0, pose_m=0.05, rigid_share=0.2))
 N_FRAMES = 8
@@ -220,39 +218,6 @@ def test_who_was_not_found_for_sure_is_not_fitted_in_spite_of_doubts(
     cycle = replace(doubting, initialization=Unsure(heavy))
     found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, heavy.frames, N_FRAMES, QUICK)
     assert found.told == {0: "as the model has them: 0 of the first 8 frames without doubt"}
-
-
-@pytest.mark.parametrize(
-    ("sure", "told"),
-    [(0.1, "fitted to 4 of the first 8 frames"), (0.9, "as the model has them: 0 of the first 8 frames without doubt")],
-)
-def test_who_was_found_turned_round_and_not_for_sure_is_begun_the_other_way(
-    filmed: Simulation,
-    as_general: Scene,
-    general: BodyDescription,
-    sure: float,
-    told: str,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """In so small images both ways explain as much: here who faces the wrong way is doubtful."""
-    facing = as_general.persons[0].body.index("torso_twist")
-
-    def off_deg(step: Step) -> float:
-        return float(abs(np.degrees(step.estimates[0].q[facing] - filmed.poses[0][step.frame.index][facing])))
-
-    def judged(steps: Sequence[Step]) -> list[Step]:
-        return [replace(one, estimates=(in_doubt(one.estimates[0], whole=off_deg(one) > 90),)) for one in steps]
-
-    def judged_there(*asked: object) -> tuple[list[Step], State]:
-        steps, state = there(*asked)  # type: ignore[arg-type]
-        return judged(steps), state
-
-    monkeypatch.setattr(body_fit, "there", judged_there)
-    monkeypatch.setattr(body_fit, "back", lambda *asked: judged(back(*asked)))
-    cycle = refining(filmed, TurnedRoundAtFirst(filmed, until=N_FRAMES, at_first=sure), loss=LossRule(rehearse=0))
-    found = fit_bodies({0: space_of(general, ShapePrior())}, as_general, cycle, filmed.frames, N_FRAMES, QUICK)
-    assert {off_deg(step) < 20 for step in found.steps} == {sure < 0.8}
-    assert found.told == {0: told}
 
 
 def test_a_start_is_not_looked_for_again_but_those_of_other_frames_are(filmed: Simulation) -> None:

@@ -123,7 +123,7 @@ def test_a_start_beyond_the_first_window_is_told_in_its_frame(simulation: Simula
 
 @pytest.mark.usefixtures("limbs_stay")
 def test_what_was_wrong_at_first_is_mended_from_behind(simulation: Simulation) -> None:
-    rule = LossRule(again_after=3, doubtful_above=0.0, lost_below=0.0)
+    rule = LossRule(again_after=3, doubtful_above=0.0, lost_below=0.0, rehearse=0)
     cycle = cycle_for(simulation, TurnedRoundAtFirst(simulation, until=1, at_first=0.9), loss=rule)
     once = list(track(simulation.frames(), simulation.scene, cycle))
     assert min(errors_mm(simulation, once[:2])) > 100

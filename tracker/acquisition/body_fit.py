@@ -25,6 +25,7 @@ from tracker.bodies.subject import Carried, with_carried
 from tracker.cameras.frame import Frame
 from tracker.foundation.arrays import Array
 from tracker.foundation.resources import give_back
+from tracker.tracking.confirmation import LEAST_SEEN, n_sure
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.found_before import start_of
@@ -32,7 +33,6 @@ from tracker.tracking.loss import doubted
 from tracker.tracking.rehearsal import Reopen
 from tracker.tracking.start import Start
 from tracker.tracking.trajectory import Step
-from tracker.tracking.way_round import LEAST_SEEN, n_sure, the_better_way_round
 from tracker.tracking.windows import back, length_of_windows, there
 
 # Assigns several persons by the bodies that were fitted to them.
@@ -215,9 +215,8 @@ def fit_bodies(
     Who is in doubt all the way there is followed back before anything is fitted: a scanned man, rendered crawling from
     the first frame on, kept the scaled body (28 mm, 11 of 50 frames falsely flagged; fitted 22 mm and none). Who is so
     still, though found for sure, may be built otherwise than the model: fitted to frames in doubt, such a body is kept
-    if it leaves half of them without. A person who was not found for sure may face the other way: that is kept if it
-    leaves more frames without doubt. A body fitted to frames in doubt would have ended his doubts as well: a man was
-    447 mm off in 90 frames, none doubtful, and is 31 mm off begun the other way.
+    if it leaves half of them without. A person who was not found for sure may face the other way: a body fitted to
+    frames in doubt would have ended his doubts as well: a man was 447 mm off in 90 frames, none doubtful.
 
     Args:
         spaces: place of a person in the scene -> how its body may differ from that in the scene.
@@ -284,17 +283,12 @@ class _Following:
     def there(self, scene: Scene, spaces: Spaces, cycle: Cycle) -> _Way:
         """Frames tracked with the bodies of a scene and those fitted to them."""
         cycle.progress(f"step 1 of 3: tracking the first {len(self.frames)} frames with the average body")
-
-        def follow(by: Cycle) -> tuple[list[Step], State]:
-            return there(self.frames, scene, by, self.reopen)
-
-        steps, state = follow(cycle)
+        steps, state = there(self.frames, scene, cycle, self.reopen)
         if any(len(best_seen(steps, k, len(steps), self.settings.frames)) < LEAST_SEEN for k in spaces):
             cycle.progress("bodies: the frames are tracked back as well, since hardly one is without doubt")
             steps = back(steps, cycle, state)
         doubted = frozenset(k for k in spaces if n_sure(steps, k) < LEAST_SEEN)
         unlike = frozenset(k for k in doubted if _found_for_sure(steps, k, cycle))
-        steps, state, cycle = the_better_way_round(steps, state, cycle, sorted(doubted - unlike), follow)
         cycle.progress("step 2 of 3: fitting the body to these frames")
         found = Round({}, scene, steps).fitted(spaces, cycle, self.settings, unlike)
         return _Way(found, spaces, cycle, state, unlike)

@@ -13,7 +13,7 @@ from tracker.tracking.backwards import as_replay, frames_before, tracked_back
 from tracker.tracking.bootstrapping import settled_where_found
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.rehearsal import Reopen, rehearsed
-from tracker.tracking.start import Start, sureness
+from tracker.tracking.start import Start
 from tracker.tracking.trajectory import Replay, Step
 
 # See docs/lab/wrong_way_back.md.
@@ -51,16 +51,15 @@ def led_back(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> LedBack 
         reopen: opens the sequence anew.
 
     Returns:
-        None if the start is sure except for limbs, or given, if no later one is surer, or if the images of the first
-        frame support its own.
+        None if the start is more likely right than wrong, or given, if no later one is surer, or if the images of the
+        first frame support its own.
     """
-    if step.start is None or step.start.given or _sure_but_for_limbs(step.start, cycle.loss.sure):
+    if step.start is None or step.start.given or step.start.least_sureness >= _LIKELY:
         return None
     found = _surest(step, scene, cycle, reopen)
     if found is None:
         return None
     frame, start = found
-    start = rehearsed(start, frame, scene, cycle, reopen)
     if start.least_sureness <= step.start.least_sureness:
         return None
     replays = _followed_back(step.frame.index, frame, scene.with_poses(start.poses), cycle, reopen)
@@ -68,15 +67,6 @@ def led_back(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> LedBack 
         sum(one.distance_px for one in way) for way in (replays[step.frame.index].estimates, step.estimates)
     )
     return LedBack(frame.index, start, replays) if back_px < here_px else None
-
-
-def _sure_but_for_limbs(start: Start, sure: float) -> bool:
-    """Whether a start is sure enough, or likely and only in doubt for limbs: tracking searches for these in any frame.
-
-    Later starts of three recordings were no surer than such ones, and took half of the run.
-    """
-    as_wholes = min((sureness(ranking) for ranking in start.hypotheses if ranking), default=0.0)
-    return start.least_sureness >= (min(sure, _LIKELY) if as_wholes >= sure else sure)
 
 
 def _surest(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> tuple[Frame, Start] | None:
@@ -106,6 +96,7 @@ def _looked_for(
             start = cycle.initialization.start(frame, scene, cycle.stages)
         except InitializationError:
             continue
+        start = rehearsed(start, frame, scene, cycle, reopen)
         if start.least_sureness > _sureness(best):
             best = frame, start
         if start.least_sureness >= enough:

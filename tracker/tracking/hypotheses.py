@@ -84,7 +84,7 @@ def different(body: BodyModel, poses: Array, n: int, apart_m: float) -> list[Arr
 
 
 def beside_turned(frame: Frame, scene: Scene, k: int, turned: Array, stages: Stages) -> tuple[Hypothesis, ...]:
-    """The pose of a scene's person, unchanged, and another one, ranked by their left-over shares after a refinement.
+    """The pose of a scene's person, unchanged, and another one, weighed after a refinement.
 
     Args:
         frame: the images.
@@ -97,8 +97,10 @@ def beside_turned(frame: Frame, scene: Scene, k: int, turned: Array, stages: Sta
     tried = np.array([q, turned])
     objective = stages.objective(frame, scene, k, stages.synthesis.contours(scene, k, tried))
     refined = [hypothesis(body, stages.estimation.estimate(objective, one[None])) for one in tried]
-    mine = replace(refined[0], q=q, given=True)
-    both = ranked(body, [mine, refined[1]])
+    nats = objective.nats(np.array([one.q for one in refined]))
+    mine_is_right = float(np.exp(-np.logaddexp(0.0, nats[0] - nats[1])))
+    mine = replace(refined[0], q=q, given=True, probability=mine_is_right)
+    both = ranked(body, [mine, replace(refined[1], probability=1 - mine_is_right)], nats)
     return both if any(one.given for one in both) else (mine,)  # turned round it was led back to where it is
 
 

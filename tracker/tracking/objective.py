@@ -76,7 +76,7 @@ class Objective:
         of a squat, 3 % of the contour was left over, and the true place cost as much, to 0.03 px.
         """
         found: Array = NATS_PER_PX * self(poses)
-        if self.colours is None:
+        if self.colours is None or not len(poses):
             return found
         (scene, person), made = (self.asked.scene, self.asked.person), self.colours
         colours = self.kept("colours", lambda: made(scene.with_pose(person, poses[0])))

@@ -124,11 +124,11 @@ def _begun(sight: Sight, scene: Scene, cycle: Cycle, looking: Looking) -> tuple[
     """The first frame, perhaps from a surer start in a later one."""
     if sight.frame.index < cycle.nobody_before:
         return unfound(sight, scene, cycle), None
-    if looking.reopen is None or cycle.before.believed:
+    if cycle.before.believed:
         return bootstrap(sight, scene, cycle, looking.give_up), None
     choose = partial(rehearsed, frame=sight.frame, scene=scene, cycle=cycle, reopen=looking.reopen)
     step = bootstrap(sight, scene, cycle, looking.give_up, choose)
-    return step, led_back(step, scene, cycle, looking.reopen)
+    return step, None if looking.reopen is None else led_back(step, scene, cycle, looking.reopen)
 
 
 def _was_led_back(replay: Replay) -> bool:

@@ -10,11 +10,6 @@ from tracker.tracking.estimate import Estimate
 
 # A lead over the next different pose by this share of the left-over length is certain. See docs/lab/confidence.md.
 _SURE_LEAD = 0.2
-# The same from which on a given pose is told to be turned round. In 15 frames of five recordings true joints left 0.16
-# to 0.82 less over than turned round; given turned round, 0.19 to 4.65 more. Compared with the same poses turned round,
-# whose joints are where those of the other side were, 41 tracked poses of nine recordings leave over 0.15 to 0.84 less,
-# and 0.33 to 4 more.
-_LEAST_LEAD = 0.1
 # The worst limb of four right starts without plates leaves over 0.05 to 0.12, of a fifth 0.32; with a joint more than
 # 150 mm off 0.17 to 0.52. See docs/lab/confidence.md.
 _LIMB_LEFT_OVER = 0.15
@@ -67,6 +62,9 @@ class Hypothesis:
     given: bool = False
     """Whether it was given, not found: it stays, whatever the others are."""
 
+    probability: float = 1.0
+    """Probability that it is the right one of all, and right at all, once it was weighed, see `tracking.rehearsal`."""
+
 
 @dataclass(frozen=True)
 class Start:
@@ -82,8 +80,8 @@ class Start:
     """For each person the refined hypotheses, the best one first; of a given pose, itself and turned round."""
 
     sureness: tuple[float, ...] = ()
-    """For each person 0 to 1, see `sureness`; empty if nothing else was tried, or cannot make them less sure: keypoints
-    show sides that outlines do not."""
+    """For each person the probability that the pose is right, once they were weighed, before that see `sureness`; empty
+    if nothing else was tried, or cannot make them less sure: keypoints show sides that outlines do not."""
 
     by_keypoints: bool = False
     """Whether 2-D keypoints gave the poses."""
@@ -104,14 +102,14 @@ class Start:
         return any(one.given for ranking in self.hypotheses for one in ranking)
 
     @property
-    def turned_round(self) -> dict[int, tuple[float, float]]:
-        """Persons whose given pose leaves over clearly more than the same turned round -> both left-over shares."""
-        found = {}
-        for k, ranking in enumerate(self.hypotheses):
-            given = next((one.left_over for one in ranking if one.given), 0.0)
-            if ranking and ranking[0].left_over < (1 - _LEAST_LEAD) * given:
-                found[k] = given, ranking[0].left_over
-        return found
+    def turned_round(self) -> dict[int, float]:
+        """Persons whose given pose is less probable than the same turned round -> its probability."""
+        return {
+            k: one.probability
+            for k, ranking in enumerate(self.hypotheses)
+            for one in ranking
+            if one.given and one is not ranking[0]
+        }
 
     @property
     def told_sureness(self) -> tuple[float, ...]:
@@ -150,11 +148,6 @@ def sureness(hypotheses: tuple[Hypothesis, ...], costs: Array | None = None) -> 
     if costs is not None:
         lead = min(lead, _lead(float(costs[0]), float(costs[1:].min())))
     return best.explained * min(max(lead / _SURE_LEAD, 0.0), 1.0)
-
-
-def surely_faces(best: Hypothesis, turned: Hypothesis) -> float:
-    """Sureness of a pose against the same turned round, 0 to 1: as `sureness`, but a lead by a tenth is certain."""
-    return best.explained * min(max(_lead(best.left_over, turned.left_over) / _LEAST_LEAD, 0.0), 1.0)
 
 
 def limbs_shown(best: Hypothesis) -> float:

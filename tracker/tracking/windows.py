@@ -18,6 +18,7 @@ from tracker.cameras.frame import Frame
 from tracker.images.sight import Sight
 from tracker.tracking.backwards import told_in_time, tracked_back, turned
 from tracker.tracking.clock import Clock
+from tracker.tracking.confirmation import doubtful_in_all, n_sure, rather_wrong
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.easier_start import LedBack
 from tracker.tracking.jumps import with_jumps
@@ -25,13 +26,6 @@ from tracker.tracking.loss import LossRule, doubted
 from tracker.tracking.rehearsal import Reopen
 from tracker.tracking.sequence import Ahead, Looking, tracked
 from tracker.tracking.trajectory import Step
-from tracker.tracking.way_round import (
-    doubtful_in_all,
-    may_face_the_other_way,
-    n_sure,
-    rather_wrong,
-    the_better_way_round,
-)
 
 _LONGEST, SHORTEST = 100, 16
 """Frames of a window. Limbs were wrong for 40 frames at most; a longer window takes memory, and makes a run wait."""
@@ -116,14 +110,7 @@ def both_ways(
     Returns:
         The steps, and the state of the pass behind them.
     """
-
-    def follow(by: Cycle) -> tuple[list[Step], Pass]:
-        return _forwards(window, begin, by, reopen)
-
-    first, reached = follow(cycle)
-    if begin.state.nobody_found and not _gone_through(window, cycle):
-        whom = may_face_the_other_way(first, cycle)
-        first, reached, _ = the_better_way_round(first, reached, cycle, whom, follow)
+    first, reached = _forwards(window, begin, cycle, reopen)
     again: list[Step] | None = None
     # a limb that jumps was wrong before, or is wrong since, though no single frame is in doubt: legs exchanged from the
     # start on fell into place in frame 26
@@ -169,11 +156,6 @@ def _alike(steps: Sequence[Step], others: Sequence[Step]) -> bool:
         for step, rival in zip(steps, others, strict=True)
         for person, one, other in zip(step.scene.persons, step.estimates, rival.estimates, strict=True)
     )
-
-
-def _gone_through(window: Sequence[Frame], cycle: Cycle) -> bool:
-    """Whether all frames were followed before, not only those up to a start: the turn was decided then."""
-    return window[-1].index in cycle.before.estimates
 
 
 def _in_doubt(step: Step, loss: LossRule) -> bool:

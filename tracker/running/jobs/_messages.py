@@ -249,10 +249,10 @@ def told_of_start(start: Start, scene: Scene) -> tuple[str, ...]:
 def _turned_round(start: Start, scene: Scene) -> tuple[str, ...]:
     """Warnings about given poses with left and right exchanged."""
     return tuple(
-        f"{scene.persons[k].name} may be turned round: the given start pose leaves over {given:.0%} of the contour, "
-        f"the same pose facing the other way {turned:.0%}; check left and right in its poses or keypoints, "
-        "or leave them out, and the run searches for the person"
-        for k, (given, turned) in start.turned_round.items()
+        f"{scene.persons[k].name} may be turned round: the given start pose is right with a probability of "
+        f"{given:.0%}, and the same pose facing the other way fits better; check left and right in its poses or "
+        "keypoints, or leave them out, and the run searches for the person"
+        for k, given in start.turned_round.items()
     )
 
 

@@ -22,11 +22,9 @@ from tracker.tracking.doubt import Because
 from tracker.tracking.estimate import Status
 from tracker.tracking.initialization import Stages
 from tracker.tracking.loss import LossRule
-from tracker.tracking.sequence import track
 from tracker.tracking.start import RATHER_RIGHT, Start
 from tracker.tracking.trajectory import Replay, Step
 from tracker.tracking.two_passes import track_twice
-from tracker.tracking.way_round import may_face_the_other_way, n_sure, the_better_way_round
 
 DOUBTING = replace(RULE, doubtful_above=0.0, again_after=100, look_ahead_s=(), look_on_s=())
 """Everything is doubtful."""
@@ -65,93 +63,6 @@ class Sure(Unsure):
     """Starts right and for sure."""
 
     sure = 0.9
-
-
-@pytest.fixture(scope="module")
-def rightly(simulation: Simulation) -> list[Step]:
-    """All steps of a run that is begun right."""
-    return list(track(simulation.frames(), simulation.scene, cycle_for(simulation, Unsure(simulation))))
-
-
-@pytest.fixture(scope="module")
-def wrongly(simulation: Simulation) -> list[Step]:
-    """Of one that is begun turned round."""
-    cycle = cycle_for(simulation, facing(simulation, turned=True))
-    return list(track(simulation.frames(), simulation.scene, cycle))
-
-
-@pytest.fixture(scope="module")
-def doubted(simulation: Simulation) -> list[Step]:
-    """Of one that is begun so, and doubtful in every frame."""
-    cycle = cycle_for(simulation, facing(simulation, turned=True), loss=DOUBTING)
-    return list(track(simulation.frames(), simulation.scene, cycle))
-
-
-@pytest.mark.parametrize(
-    ("turned", "sure", "doubtful_above", "tried", "right"),
-    [
-        (True, 0.1, 0.0, True, True),
-        (True, 0.9, 0.0, False, False),
-        (True, 0.1, 100.0, False, False),
-        (False, 0.1, 0.0, True, True),
-    ],
-)
-def test_who_is_doubtful_throughout_and_was_not_found_for_sure_is_begun_the_other_way_round(
-    simulation: Simulation, turned: bool, sure: float, doubtful_above: float, tried: bool, right: bool
-) -> None:
-    """And so kept if that leaves less."""
-    said: list[str] = []
-    rule = replace(DOUBTING, doubtful_above=doubtful_above)
-    start = facing(simulation, turned, sure)
-    cycle = cycle_for(simulation, start, loss=rule, progress=lambda line, *_: said.append(line))
-    steps = twice(simulation, cycle)
-    assert any("facing the other way" in line for line in said) == tried
-    errors = errors_mm(simulation, steps)
-    assert max(errors) < 10 if right else min(errors) > 50
-    assert [step.frame.index for step in steps if step.start is not None] == [0]
-
-
-@pytest.mark.parametrize("n_known", [1, 9])
-def test_what_is_known_of_the_first_frame_alone_does_not_keep_who_faces_the_other_way(
-    simulation: Simulation, doubted: list[Step], n_known: int
-) -> None:
-    """Plates of the recording's own are made for a start that is kept; a way through all frames has asked before."""
-    cycle = cycle_for(simulation, facing(simulation, turned=True), loss=DOUBTING)
-    assert min(errors_mm(simulation, doubted)) > 50
-    known = {step.frame.index: step.estimates for step in doubted[:n_known]}
-    steps = twice(simulation, cycle.knowing(known, doubted[0].start, believed=True))
-    assert (max(errors_mm(simulation, steps)) < 10) == (n_known == 1)
-
-
-def test_doubts_of_limbs_count_as_those_of_the_whole(simulation: Simulation, rightly: list[Step]) -> None:
-    """Of R-UpperBody, turned round, 43 of 100 frames were doubtful, and in all of them legs were ambiguous."""
-    steps, cycle = rightly, cycle_for(simulation)
-    assert may_face_the_other_way(with_legs_in_doubt(steps, 4), cycle) == []
-    assert may_face_the_other_way(with_legs_in_doubt(steps, 5), cycle) == [0]
-    assert may_face_the_other_way(with_legs_in_doubt(steps[1:], 5), cycle) == [], "nobody was found in these"
-
-
-@pytest.mark.parametrize(("n_sure_then", "kept"), [(4, False), (3, True)])
-def test_frames_without_doubt_decide_before_what_is_left(
-    simulation: Simulation, rightly: list[Step], wrongly: list[Step], n_sure_then: int, kept: bool
-) -> None:
-    """Begun the other way he leaves more; that counts where both ways leave about as few frames without doubt."""
-    cycle = cycle_for(simulation, facing(simulation, turned=True))
-    right, wrong = (sum(one.estimates[0].distance_px for one in steps) for steps in (rightly, wrongly))
-    assert wrong > right
-    steps, others = with_legs_in_doubt(rightly, 9), with_legs_in_doubt(wrongly, 9 - n_sure_then)
-    assert n_sure(others, 0) == n_sure_then
-    better, reached, _ = the_better_way_round(steps, "as it was", cycle, [0], lambda _: (others, "turned"))
-    assert (better is steps, reached == "as it was") == (kept, kept)
-
-
-def with_legs_in_doubt(steps: list[Step], n_frames: int) -> list[Step]:
-    """The steps, in the first so many of which the left leg is ambiguous, and nothing is in doubt elsewhere."""
-    told = []
-    for n, step in enumerate(steps):
-        limbs = ("left_leg",) if n < n_frames else ()
-        told.append(replace(step, estimates=(in_doubt(step.estimates[0], *limbs),)))
-    return told
 
 
 def doubt(monkeypatch: pytest.MonkeyPatch, at_first: bool, n_frames: int) -> None:
