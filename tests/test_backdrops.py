@@ -35,7 +35,7 @@ from tracker.tracking.initialization.auto import AutoInitialization
 from tracker.tracking.initialization.pca import PcaInitialization, _likeliest_fault, _stand_out
 from tracker.tracking.initialization.stance import StanceInitialization
 from tracker.tracking.recorded_plates import without_persons
-from tracker.tracking.start import Hypothesis, Start, sureness
+from tracker.tracking.start import Hypothesis, Start
 
 BOX = slice(60, 200), slice(140, 180)
 QUICK = PcaInitialization(turn_step_deg=45.0, hypotheses=2, finalists=2)
@@ -244,7 +244,6 @@ def test_of_two_starts_that_which_leaves_less_is_taken_with_the_hypotheses_of_bo
     found = least_left(starts, simulation.scene, 2)
     np.testing.assert_array_equal(found.poses[0], q[1])
     assert [h.left_over for h in found.hypotheses[0]] == [0.2, 0.3]
-    assert found.sureness == (sureness((other, third)),)
 
 
 @pytest.mark.parametrize("shown", [legs, lambda mask: mask], ids=["legs", "whole"])

@@ -18,7 +18,7 @@ from tracker.cameras.frame import Frame
 from tracker.foundation.resources import model_path
 from tracker.tracking.hypotheses import apart, coarse_poses, finalists, hypothesis, ranked
 from tracker.tracking.initialization._drafts import Draft, likeliest_of
-from tracker.tracking.start import Hypothesis, confidence, limbs_shown, sureness
+from tracker.tracking.start import Hypothesis, confidence
 
 # Of the same four poses in two foregrounds.
 LEFT_OVER = (0.3, 0.4, 0.5, 0.6), (0.45, 0.7, 0.8, 0.35)
@@ -153,21 +153,6 @@ def test_several_bodies_or_a_single_foreground_keep_all_hypotheses(body: BodyMod
     assert likeliest_of(several, 1) is several
     assert likeliest_of([one], 1) == [one]
     assert likeliest_of([], 1) == []
-
-
-def test_the_lead_and_the_contour_explained_make_sure(body: BodyModel) -> None:
-    q = bent(body)
-    assert sureness((tried(q, 0.4),)) == pytest.approx(0.9)
-    assert sureness((tried(q, 0.4), tried(q, 0.4))) == 0.0
-    assert sureness((tried(q, 0.4), tried(q, 0.6))) == pytest.approx(0.9)
-    assert 0.3 < sureness((tried(q, 0.4), tried(q, 0.44))) < 0.6
-
-
-def test_a_limb_that_is_left_over_makes_less_sure(body: BodyModel) -> None:
-    one = tried(bent(body), 0.4)
-    shown, half = (replace(one, limbs_left_over={"left_arm": arm, "right_arm": 0.0}) for arm in (0.1, 0.3))
-    assert limbs_shown(one) == limbs_shown(shown) == 1.0
-    assert limbs_shown(half) == pytest.approx(0.5)
 
 
 def test_what_tracking_doubts_counts_for_more_than_how_sure_a_start_was(body: BodyModel) -> None:

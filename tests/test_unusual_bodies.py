@@ -191,7 +191,6 @@ def test_a_given_pose_of_what_has_no_other_way_to_face_is_taken(pendulum: Path, 
     given = GivenInitialization(poses=tmp_path / "start.csv")
     start = given.start(next(simulation.frames()), simulation.scene, stages_of(simulation))
     assert np.degrees(start.poses[0]).tolist() == pytest.approx([10, -20])
-    assert start.sureness == (1.0,)
 
 
 def test_a_part_on_the_world_is_on_a_segment_that_never_moves(pendulum: Path) -> None:
@@ -213,7 +212,7 @@ def test_bodies_of_any_size_are_looked_for_as_if_they_were_as_large_as_a_person(
     def begin(self: object, frame: Frame, scene: Scene, stages: Stages) -> Start:
         seen.append(scene)
         q = scene.persons[0].q
-        return Start((q,), hypotheses=((Hypothesis(q, 1.0, 1.0, 0.0, 0.0),),), sureness=(1.0,))
+        return Start((q,), hypotheses=((Hypothesis(q, 1.0, 1.0, 0.0, 0.0),),))
 
     start = begin(None, None, other, None)  # type: ignore[arg-type]
     assert start.poses[0] == pytest.approx(other.persons[0].q)

@@ -13,12 +13,8 @@ from tracker.tracking.backwards import as_replay, frames_before, tracked_back
 from tracker.tracking.bootstrapping import settled_where_found
 from tracker.tracking.cycle import Cycle, State
 from tracker.tracking.rehearsal import Reopen, rehearsed
-from tracker.tracking.start import Start
+from tracker.tracking.start import RATHER_RIGHT, Start
 from tracker.tracking.trajectory import Replay, Step
-
-# See docs/lab/wrong_way_back.md.
-_LIKELY = 0.5
-"""Least sureness of a start that is more likely right than wrong."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +50,7 @@ def led_back(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> LedBack 
         None if the start is more likely right than wrong, or given, if no later one is surer, or if the images of the
         first frame support its own.
     """
-    if step.start is None or step.start.given or step.start.least_sureness >= _LIKELY:
+    if step.start is None or step.start.given or step.start.least_sureness >= RATHER_RIGHT:
         return None
     found = _surest(step, scene, cycle, reopen)
     if found is None:
@@ -76,8 +72,8 @@ def _surest(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> tuple[Fra
     """
     rule, here = cycle.loss, 0.0 if step.start is None else step.start.least_sureness
     best = _looked_for(step.frame, rule.look_ahead_s, rule.sure, scene, cycle, reopen)
-    if max(here, _sureness(best)) < _LIKELY:
-        best = max(best, _looked_for(step.frame, rule.look_on_s, _LIKELY, scene, cycle, reopen), key=_sureness)
+    if max(here, _sureness(best)) < RATHER_RIGHT:
+        best = max(best, _looked_for(step.frame, rule.look_on_s, RATHER_RIGHT, scene, cycle, reopen), key=_sureness)
     return best
 
 

@@ -15,7 +15,7 @@ from tracker.foundation.arrays import Array
 from tracker.tracking.estimate import Estimate
 from tracker.tracking.initialization import Stages
 from tracker.tracking.limb_probabilities import limbs_left_over
-from tracker.tracking.start import Hypothesis, Start, limbs_shown, sureness
+from tracker.tracking.start import Hypothesis, Start
 
 # Largest left-over share of another body that may be the person, times that of the best pose. The wrong one of two
 # persons left over 0.8 to 1.9 times as much as the right one in 16 starts.
@@ -152,12 +152,7 @@ def least_left(starts: list[Start], scene: Scene, n: int) -> Start:
     """
     best = min(starts, key=lambda one: sum(ranking[0].left_over for ranking in one.hypotheses if ranking))
     sought = [k for k, ranking in enumerate(best.hypotheses) if ranking]
-    if len(sought) > 1:
-        pairs = zip(best.sureness, best.hypotheses, strict=True)
-        return replace(best, sureness=tuple(sure * limbs_shown(own[0]) if own else sure for sure, own in pairs))
-    best = likeliest(starts, scene, n)
-    sure = sureness(best.hypotheses[sought[0]]) * limbs_shown(best.hypotheses[sought[0]][0])
-    return replace(best, sureness=tuple(sure if k == sought[0] else 1.0 for k in range(len(best.poses))))
+    return best if len(sought) > 1 else likeliest(starts, scene, n)
 
 
 def likeliest(starts: list[Start], scene: Scene, n: int, bodies: bool = False) -> Start:
@@ -182,7 +177,6 @@ def likeliest(starts: list[Start], scene: Scene, n: int, bodies: bool = False) -
     return replace(
         best,
         hypotheses=tuple(ranking if mine else () for mine in own),
-        sureness=tuple(sureness(ranking) if mine else 1.0 for mine in own),
     )
 
 

@@ -72,7 +72,7 @@ class LossRule:
     They are at least 0.03 s apart."""
 
     sure: float = pydantic.Field(default=0.8, ge=0, le=1)
-    """Sureness of a start pose that needs no rehearsal, see `tracker.tracking.start.sureness`."""
+    """Probability that a start pose is right from which on it is not followed, see `tracker.tracking.rehearsal`."""
 
     look_ahead_s: tuple[pydantic.NonNegativeFloat, ...] = (0.5, 1.0, 2.0)
     """If no person is sure in the first frame: delays of later frames in which the start may be easier, seconds. The

@@ -53,12 +53,13 @@ def rehearsed(start: Start, frame: Frame, scene: Scene, cycle: Cycle, reopen: Re
         cycle: the components; its loss rule gives the number of frames, and the limit of uncertainty.
         reopen: opens the sequence anew; None if only this frame may be used.
     """
-    if cycle.loss.rehearse == 0:
+    if cycle.loss.rehearse == 0 or start.by_keypoints:
         return start
     # A hypothesis that is lost, or long in doubt, must not be rescued by a new bootstrapping: that pose would be judged
     # in its place. Without plates five of them took 215 of the 336 s that a start took.
     held = replace(cycle, loss=replace(cycle.loss, lost_below=0.0, least_views=0), seeks=False)
-    for k, (ranking, _) in enumerate(zip(start.hypotheses, start.sureness, strict=False)):
+    start = replace(start, sureness=(1.0,) * len(start.hypotheses))
+    for k, ranking in enumerate(start.hypotheses):
         if not ranking:
             continue
         tried = _within_reach(start, k, frame, scene, cycle)

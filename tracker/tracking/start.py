@@ -8,12 +8,6 @@ from dataclasses import dataclass, field
 from tracker.foundation.arrays import Array, Mask
 from tracker.tracking.estimate import Estimate
 
-# A lead over the next different pose by this share of the left-over length is certain. See docs/lab/confidence.md.
-_SURE_LEAD = 0.2
-# The worst limb of four right starts without plates leaves over 0.05 to 0.12, of a fifth 0.32; with a joint more than
-# 150 mm off 0.17 to 0.52. See docs/lab/confidence.md.
-_LIMB_LEFT_OVER = 0.15
-
 RATHER_RIGHT = 0.5
 """Confidence below which a start is more likely wrong than right, see `confidence`."""
 
@@ -80,8 +74,8 @@ class Start:
     """For each person the refined hypotheses, the best one first; of a given pose, itself and turned round."""
 
     sureness: tuple[float, ...] = ()
-    """For each person the probability that the pose is right, once they were weighed, before that see `sureness`; empty
-    if nothing else was tried, or cannot make them less sure: keypoints show sides that outlines do not."""
+    """For each person the probability that the pose is right, see `tracking.rehearsal`; empty before poses are weighed,
+    and where nothing can make them less sure: keypoints show sides that outlines do not."""
 
     by_keypoints: bool = False
     """Whether 2-D keypoints gave the poses."""
@@ -129,39 +123,6 @@ class Start:
         return min(self.sureness, default=1.0)
 
 
-def sureness(hypotheses: tuple[Hypothesis, ...], costs: Array | None = None) -> float:
-    """Sureness of the first of ranked hypotheses, 0 to 1; 0 if another one was given.
-
-    Its explained share, times its lead: how much less it leaves over than the next one, where a fifth less counts as
-    certain.
-
-    Args:
-        hypotheses: the best first.
-        costs: (N,) of another measure of the hypotheses, less is better: the smaller lead of the two counts.
-    """
-    best = hypotheses[0]
-    if any(one.given for one in hypotheses[1:]):
-        return 0.0
-    if len(hypotheses) == 1:
-        return best.explained
-    lead = _lead(best.left_over, hypotheses[1].left_over)
-    if costs is not None:
-        lead = min(lead, _lead(float(costs[0]), float(costs[1:].min())))
-    return best.explained * min(max(lead / _SURE_LEAD, 0.0), 1.0)
-
-
-def limbs_shown(best: Hypothesis) -> float:
-    """Factor that reduces the sureness of a start without plates for its worst limb, 0 to 1.
-
-    It is proportional to that limb's left-over share: where trunk and head are right, the whole says little about an
-    arm. Plates
-    show limbs: with them right starts leave over a quarter of a limb, and of 33 that were 0.66 sure and more none was
-    100 mm off.
-    """
-    worst = max(best.limbs_left_over.values(), default=0.0)
-    return _LIMB_LEFT_OVER / max(worst, _LIMB_LEFT_OVER)
-
-
 def confidence(sure: float, estimate: Estimate) -> float:
     """Share of such starts that are right, 0 to 1: by their sureness, and by the tracking of the frame.
 
@@ -170,13 +131,9 @@ def confidence(sure: float, estimate: Estimate) -> float:
     0.5, in 8 of 35 up to 0.9 and in 6 of 227 above; there none was 100 mm off on average (6, 3 of the others).
 
     Args:
-        sure: see `sureness`.
+        sure: see `Start.sureness`.
         estimate: of the start's frame, after all around it was tracked.
     """
     if estimate.lost or estimate.doubtful or len(estimate.ambiguous) > 1:
         return RATHER_RIGHT * sure
     return RATHER_RIGHT + (0.3 if estimate.ambiguous else 0.5) * sure
-
-
-def _lead(first: float, second: float) -> float:
-    return 1 - first / max(second, 1e-9)

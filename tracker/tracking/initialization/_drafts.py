@@ -15,7 +15,7 @@ from tracker.tracking.hypotheses import finalists, hypothesis, ranked
 from tracker.tracking.initialization import Stages
 from tracker.tracking.initialization._persons import Found
 from tracker.tracking.initialization._visual_hull import STEP_M, shadow
-from tracker.tracking.start import AxisFit, Hypothesis, Start, sureness
+from tracker.tracking.start import AxisFit, Hypothesis, Start
 
 # Pixels farther than this from every voxel of a person belong to none; of a known person only the joints are at hand,
 # so that hands and feet must lie within it.
@@ -100,8 +100,7 @@ class Draft:
         poses = tuple(
             ranking[0].q if ranking else person.q for person, ranking in zip(scene.persons, hypotheses, strict=True)
         )
-        sureness_of_all = tuple(sureness(ranking) if ranking else 1.0 for ranking in hypotheses)
-        return Start(poses, self.evidence, tuple(hypotheses), sureness_of_all)
+        return Start(poses, self.evidence, tuple(hypotheses))
 
 
 def likeliest_of(foregrounds: list[list[Draft]], n: int) -> list[list[Draft]]:

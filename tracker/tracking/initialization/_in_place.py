@@ -17,7 +17,7 @@ from tracker.tracking.estimation.twist_icp import TwistIcpEstimation
 from tracker.tracking.hypotheses import different, finalists, hypothesis, ranked, with_held
 from tracker.tracking.initialization import Stages
 from tracker.tracking.initialization._person_sized import person_sized
-from tracker.tracking.start import Hypothesis, Start, sureness
+from tracker.tracking.start import Hypothesis, Start
 
 # Poses that are tried, so many at a time, how many are refined, and how far apart these are, in extents of the body.
 _TRIED, _BATCH, _REFINED, _APART = 3000, 128, 6, 0.05
@@ -39,8 +39,7 @@ class InPlace:
             if k not in stages.held:
                 rankings[k] = self._search(frame, with_held(scene, k, held), stages)
                 scene, held = scene.with_pose(k, rankings[k][0].q), (*held, k)
-        sure = tuple(sureness(ranking) if ranking else 1.0 for ranking in rankings)
-        return Start(tuple(person.q for person in scene.persons), (), tuple(rankings), sure)
+        return Start(tuple(person.q for person in scene.persons), (), tuple(rankings))
 
     def _search(self, frame: Frame, scene: Scene, stages: Stages) -> tuple[Hypothesis, ...]:
         """Hypotheses of the scene's last person, the best first."""
@@ -67,12 +66,8 @@ def staying(scene: Scene) -> list[int]:
 
 def beside(start: Start, fixed: Start) -> Start:
     """A start in which some persons were held, combined with the one that found them."""
-    n = len(start.poses)
-    return replace(
-        start,
-        hypotheses=tuple(a or b for a, b in zip(start.hypotheses or ((),) * n, fixed.hypotheses, strict=True)),
-        sureness=tuple(min(pair) for pair in zip(start.sureness or (1.0,) * n, fixed.sureness, strict=True)),
-    )
+    found = start.hypotheses or ((),) * len(start.poses)
+    return replace(start, hypotheses=tuple(a or b for a, b in zip(found, fixed.hypotheses, strict=True)))
 
 
 def _everywhere(body: BodyModel) -> Array:

@@ -20,7 +20,7 @@ from tracker.tracking.hypotheses import beside_turned
 from tracker.tracking.initialization import Stages
 from tracker.tracking.initialization._joint_tables import is_joint_table, pose_from_joints
 from tracker.tracking.initialization._person_sized import check_size
-from tracker.tracking.start import Start, sureness
+from tracker.tracking.start import Start
 
 
 @component
@@ -65,7 +65,7 @@ class GivenInitialization:
             else ()
             for k, person in enumerate(scene.persons)
         )
-        return Start(poses, (), hypotheses, tuple(sureness(ranking) if ranking else 1.0 for ranking in hypotheses))
+        return Start(poses, (), hypotheses)
 
     def poses_of(self, scene: Scene, index: int) -> tuple[Array, ...]:
         """The start poses (dof,) of all persons in a frame.

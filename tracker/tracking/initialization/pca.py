@@ -43,7 +43,7 @@ from tracker.tracking.initialization._placement import axis_marks, stands_uprigh
 from tracker.tracking.initialization._upper_bodies import has_upper_body_alone, upper_poses
 from tracker.tracking.initialization._visual_hull import TorsoAxis, hull_axis, region_axes, torso_axis
 from tracker.tracking.objective import Objective
-from tracker.tracking.start import AxisFit, Hypothesis, Start, sureness
+from tracker.tracking.start import AxisFit, Hypothesis, Start
 
 # Shadows hide more of a low person: in two frames the right pose was fourth to sixth before the run's estimation, and
 # first after it.
@@ -175,13 +175,11 @@ class PcaInitialization:
             stages.tally.begin()
             settled.append(hypothesis(body, stages.estimation.estimate(objective, one.q[None])))
         ranking = finalists(_by_distance(body, settled), self.finalists)
-        sure = sureness(tuple(replace(one, left_over=one.distance_px) for one in ranking))
         own = [other == k for other in range(len(scene.persons))]
         return Start(
             tuple(person.q for person in scene.with_pose(k, ranking[0].q).persons),
             ((),) * len(own),
             tuple(ranking if mine else () for mine in own),
-            tuple(sure if mine else 1.0 for mine in own),
         )
 
     def _ways(self, masks: tuple[Mask | None, ...], scene: Scene, stages: Stages) -> list[list[Found]]:

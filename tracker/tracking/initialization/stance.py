@@ -36,7 +36,7 @@ from tracker.tracking.initialization._stance_search import (
     scattered,
     turned,
 )
-from tracker.tracking.start import Hypothesis, Start, limbs_shown, sureness
+from tracker.tracking.start import Hypothesis, Start
 
 # A view counts for a place if it shows so much of a person's landmarks; all but knees and feet where images cut people.
 _WHOLE, _PARTLY = 0.9, 0.6
@@ -146,7 +146,6 @@ class StanceInitialization:
             alone = with_held(scene, k, (*stages.held, *rankings))
             rankings[k] = self._search(frame, alone, stages, clue, where)
             scene = scene.with_pose(k, rankings[k][0].q)
-        sure = {}
         for k, clue in zip(sought, clues, strict=True):
             others = with_held(scene, k, tuple(other for other in range(len(scene.persons)) if other != k))
             if len(sought) > 1:
@@ -155,23 +154,21 @@ class StanceInitialization:
                 again = all_refined_on_edges(frame, others, stages, [one.q for one in rankings[k]])
                 rankings[k] = clue.ranked(others, again)
                 scene = scene.with_pose(k, rankings[k][0].q)
-            sure[k] = self._sure(frame, others, rankings[k], clue)
-        return _start(scene, rankings, sure)
+            self._confirm(frame, others, rankings[k], clue)
+        return _start(scene, rankings)
 
-    def _sure(self, frame: Frame, scene: Scene, ranking: tuple[Hypothesis, ...], clues: Clues) -> float:
-        """Sureness of the best pose of a scene's last person; a moving person exists, however few edges there are.
+    def _confirm(self, frame: Frame, scene: Scene, ranking: tuple[Hypothesis, ...], clues: Clues) -> None:
+        """Refuses a scene's last person if there are too few edges; a moving person exists, however few there are.
 
         Raises:
             InitializationError: it may be no person.
         """
-        score = float(clues.scores(scene, ranking[0].q[None])[0])
         if not self._is_there(scene, ranking[0], clues):
+            score = float(clues.scores(scene, ranking[0].q[None])[0])
             raise InitializationError(
                 f"frame {frame.index}: the likeliest person has a score of {score:.2f} on the edges, expected at "
                 f"least {self.least_score:.2f}"
             )
-        sure = sureness(ranking, clues.costs(scene, ranking)) * limbs_shown(ranking[0])
-        return sure * min(max(score, 0.0) / self.least_score, 1.0)
 
     def _is_there(self, scene: Scene, best: Hypothesis, clues: Clues) -> bool:
         """Whether a scene's last person is where the edges are, or the movement."""
@@ -262,12 +259,11 @@ def _scored(scene: Scene, clues: Clues, poses: Array, progress: Progress) -> Arr
     return np.concatenate(found)
 
 
-def _start(scene: Scene, rankings: Mapping[int, tuple[Hypothesis, ...]], sure: Mapping[int, float]) -> Start:
+def _start(scene: Scene, rankings: Mapping[int, tuple[Hypothesis, ...]]) -> Start:
     """The start of the persons sought, the others unchanged."""
     every = range(len(scene.persons))
     return Start(
         tuple(person.q for person in scene.persons),
         ((),) * len(every),
         tuple(rankings.get(k, ()) for k in every),
-        tuple(sure.get(k, 1.0) for k in every),
     )
