@@ -37,6 +37,7 @@ from tracker.tracking.initialization._visual_hull import STEP_M, Hull, hull_axis
 from tracker.tracking.initialization.auto import AutoInitialization
 from tracker.tracking.initialization.pca import PcaInitialization
 from tracker.tracking.initialization.stance import StanceInitialization
+from tracker.tracking.rehearsal import rehearsed
 
 CAUGHT_MM = 50.0
 """Mean distance of the joints that tracking catches: half the 10 cm that a search of the default estimation covers."""
@@ -104,7 +105,8 @@ def test_a_low_person_is_found_before_known_backgrounds(name: str, heading: floa
     estimation = HybridEstimation() if name in SEARCHED else TwistIcpEstimation()
     together = find("evidence", "together")()
     cycle = cycle_for(simulation, FEW, evidence=together, estimation=estimation)
-    start = cycle.initialization.start(frame, simulation.scene.with_poses((body.rest(),)), cycle.stages)
+    scene = simulation.scene.with_poses((body.rest(),))
+    start = rehearsed(cycle.initialization.start(frame, scene, cycle.stages), frame, scene, cycle, None)
     marks, truth = body.landmarks_in_world(np.array([start.poses[0], simulation.poses[0][0]]))
     assert 1000 * np.linalg.norm(marks - truth, axis=1).mean() < CAUGHT_MM
 

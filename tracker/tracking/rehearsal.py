@@ -58,7 +58,7 @@ def rehearsed(start: Start, frame: Frame, scene: Scene, cycle: Cycle, reopen: Re
     # A hypothesis that is lost, or long in doubt, must not be rescued by a new bootstrapping: that pose would be judged
     # in its place. Without plates five of them took 215 of the 336 s that a start took.
     held = replace(cycle, loss=replace(cycle.loss, lost_below=0.0, least_views=0), seeks=False)
-    start = replace(start, sureness=(1.0,) * len(start.hypotheses))
+    start = replace(start, sureness=start.sureness or (1.0,) * len(start.hypotheses))
     for k, ranking in enumerate(start.hypotheses):
         if not ranking:
             continue
