@@ -295,7 +295,8 @@ def _write_plates(simulation: Simulation, folder: Path) -> None:
 
 def _write_videos(simulation: Simulation, folder: Path, progress: Progress) -> None:
     recipe, total = simulation.recipe, len(simulation.recipe.times)
-    options = {"crf": str(recipe.constant_rate_factor), "preset": "veryfast"}
+    # encoded by several threads the same pictures are other videos on a loaded machine
+    options = {"crf": str(recipe.constant_rate_factor), "preset": "veryfast", "threads": "1"}
     with ExitStack() as films:
         names = simulation.scene.rig.names
         adds = [films.enter_context(film_writer(folder / f"{name}.mp4", recipe.fps, **options)) for name in names]
