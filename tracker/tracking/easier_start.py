@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
@@ -12,7 +14,8 @@ from tracker.images.sight import Sight
 from tracker.tracking.backwards import as_replay, frames_before, tracked_back
 from tracker.tracking.bootstrapping import settled_where_found
 from tracker.tracking.cycle import Cycle, State
-from tracker.tracking.rehearsal import Reopen, rehearsed
+from tracker.tracking.estimate import Estimate
+from tracker.tracking.rehearsal import Reopen, nats_in, rehearsed
 from tracker.tracking.start import RATHER_RIGHT, Start
 from tracker.tracking.trajectory import Replay, Step
 
@@ -59,10 +62,17 @@ def led_back(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> LedBack 
     if start.least_sureness <= step.start.least_sureness:
         return None
     replays = _followed_back(step.frame.index, frame, scene.with_poses(start.poses), cycle, reopen)
-    back_px, here_px = (
-        sum(one.distance_px for one in way) for way in (replays[step.frame.index].estimates, step.estimates)
-    )
-    return LedBack(frame.index, start, replays) if back_px < here_px else None
+    better = _gained_nats(step, replays[step.frame.index].estimates, scene, cycle) > 0
+    return LedBack(frame.index, start, replays) if better else None
+
+
+def _gained_nats(step: Step, back: Sequence[Estimate], scene: Scene, cycle: Cycle) -> float:
+    """By how much poses led back to a frame are more probable than those found in it, nats."""
+    scene, gained = scene.with_poses(tuple(one.q for one in back)), 0.0
+    for k, (found, led) in enumerate(zip(step.estimates, back, strict=True)):
+        here, there = nats_in(step.frame, scene, k, np.array([found.q, led.q]), cycle)
+        gained += float(here - there)
+    return gained
 
 
 def _surest(step: Step, scene: Scene, cycle: Cycle, reopen: Reopen) -> tuple[Frame, Start] | None:

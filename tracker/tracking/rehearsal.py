@@ -14,6 +14,7 @@ from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
 from tracker.evidence import GUESSED
 from tracker.evidence.measures.part_colours import colours_when_asked
+from tracker.foundation.arrays import Array
 from tracker.images.sight import Sight
 from tracker.synthesis import side_by_side
 from tracker.tracking.cycle import Cycle, State
@@ -96,6 +97,17 @@ def _within_reach(start: Start, k: int, frame: Frame, scene: Scene, cycle: Cycle
     return [one for one, behind in pairs if one.given or behind <= _GIVEN_UP_NATS]
 
 
+def nats_in(frame: Frame, scene: Scene, k: int, poses: Array, cycle: Cycle) -> Array:
+    """(B,) how improbable poses (B, dof) of a scene's person k are, by one observation of a frame, nats.
+
+    The others are in their places; see `Objective.nats`.
+    """
+    sight = Sight(frame, cycle.plates)
+    hide_strangers(sight, scene, cycle.synthesis)
+    observed = cycle.evidence.observe(sight, cycle.synthesis.contours(scene, k, poses), GUESSED)
+    return objective_of(scene, k, cycle, observed, colours_when_asked(sight)).nats(poses)
+
+
 @dataclass(frozen=True)
 class _Trial:
     """One hypothesis during the rehearsal."""
@@ -150,12 +162,8 @@ class _Rehearsal:
         """The trials after a comparison of their poses by one observation of a frame, the most probable ones first."""
         behind = np.zeros(1)
         if len(trials) > 1:
-            scene, poses = trials[0].scene, np.array([trial.found[-1].q for trial in trials])
-            sight = Sight(frame, self.cycle.plates)
-            hide_strangers(sight, scene, self.cycle.synthesis)
-            expected = self.cycle.synthesis.contours(scene, self.k, poses)
-            observed = self.cycle.evidence.observe(sight, expected, GUESSED)
-            nats = objective_of(scene, self.k, self.cycle, observed, colours_when_asked(sight)).nats(poses)
+            poses = np.array([trial.found[-1].q for trial in trials])
+            nats = nats_in(frame, trials[0].scene, self.k, poses, self.cycle)
             behind = nats - nats.min()
         found = [replace(one, behind=(*one.behind, float(b))) for one, b in zip(trials, behind, strict=True)]
         return sorted(found, key=lambda one: one.behind_nats)
