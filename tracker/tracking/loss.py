@@ -68,14 +68,14 @@ class LossRule:
     Successful starts of six recordings without plates take 9 to 120 s."""
 
     rehearse: int = pydantic.Field(default=10, ge=0)
-    """Frames into which the likeliest start poses of an uncertain person are tracked before one is chosen, 0 for none.
-    They are at least 0.03 s apart."""
+    """Most frames into which the start poses of an uncertain person are tracked before one is chosen, at least 0.03 s
+    apart. 0 takes the first pose as it is found, and does not weigh it against others."""
 
     sure: float = pydantic.Field(default=0.8, ge=0, le=1)
     """Probability that a start pose is right from which on it is not followed, see `tracker.tracking.rehearsal`."""
 
     look_ahead_s: tuple[pydantic.NonNegativeFloat, ...] = (0.5, 1.0, 2.0)
-    """If no person is sure in the first frame: delays of later frames in which the start may be easier, seconds. The
+    """If a start is more likely wrong than right: delays of later frames in which it may be easier, seconds. The
     run tracks the frames before back from the surest. It needs a recording: a live run keeps its first start."""
 
     # See docs/lab/later_starts.md.
