@@ -56,7 +56,9 @@ def few_steps():
 def run_out_of_step(tmp_path_factory):
     """A run of a recording whose views are out of step, with its body fitted to it."""
     folder = tmp_path_factory.mktemp("late")
-    recipe = Recipe("walking_on_the_spot", seconds=2.4, fps=FPS, delays_s=DELAYS_S, size=(360, 288), constant_rate_factor=10)
+    recipe = Recipe(
+        "walking_on_the_spot", seconds=2.4, fps=FPS, delays_s=DELAYS_S, size=(360, 288), constant_rate_factor=10
+    )
     config = write_sequence(recipe, folder / "recording")
     return folder / "result", ran(config, folder / "result", *FITTED)
 
