@@ -48,7 +48,7 @@ def recording(folder: Path, noise: float) -> VideoReading:
 
 def test_rough_recordings_are_smoothed_where_plates_tell(tmp_path: Path) -> None:
     """What is compressed coarsely has no noise from frame to frame."""
-    recipe = Recipe("arm_swing", seconds=0.12, size=(720, 576), constant_rate_factor=33)
+    recipe = Recipe("arm_swing", seconds=0.12, size=(720, 576), constant_rate_factor=40)
     write_sequence(recipe, tmp_path / "coarse")
     path = str(tmp_path / "coarse" / "{view}.mp4")
     coarse = VideoReading(path=path, rig=tmp_path / "coarse" / "rig.toml", downscale=1)
