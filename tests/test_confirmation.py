@@ -1,4 +1,4 @@
-"""Who may face the other way is begun turned round; who was rather wrongly found, and never confirmed, is doubtful."""
+"""Who was rather wrongly found, and never confirmed, is doubtful."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from doubted import in_doubt
-from recordings import TrueStart, cycle_for, joint_errors_mm, small_simulation
-from test_easier_start import RULE, TurnedRoundAtFirst
+from recordings import TrueStart, cycle_for, small_simulation
 
 from tracker.bodies.scene import Scene
 from tracker.cameras.frame import Frame
@@ -26,9 +25,6 @@ from tracker.tracking.start import RATHER_RIGHT, Start
 from tracker.tracking.trajectory import Replay, Step
 from tracker.tracking.two_passes import track_twice
 
-DOUBTING = replace(RULE, doubtful_above=0.0, again_after=100, look_ahead_s=(), look_on_s=())
-"""Everything is doubtful."""
-
 UNASKED = LossRule(rehearse=0, look_ahead_s=(), look_on_s=())
 """No start is rehearsed, or looked for later."""
 
@@ -40,14 +36,6 @@ def simulation() -> Simulation:
 
 def twice(simulation: Simulation, cycle: Cycle, done: Mapping[int, Replay] | None = None) -> list[Step]:
     return list(track_twice(simulation.frames(), simulation.scene, cycle, done or {}, simulation.frames))
-
-
-def errors_mm(simulation: Simulation, steps: list[Step]) -> list[float]:
-    return [float(joint_errors_mm(simulation, 0, step.frame.index, step.estimates[0].q).mean()) for step in steps]
-
-
-def facing(simulation: Simulation, turned: bool, sure: float = 0.1) -> TurnedRoundAtFirst | TrueStart:
-    return TurnedRoundAtFirst(simulation, until=100, at_first=sure) if turned else Unsure(simulation)
 
 
 class Unsure(TrueStart):

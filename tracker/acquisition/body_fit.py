@@ -215,8 +215,8 @@ def fit_bodies(
     Who is in doubt all the way there is followed back before anything is fitted: a scanned man, rendered crawling from
     the first frame on, kept the scaled body (28 mm, 11 of 50 frames falsely flagged; fitted 22 mm and none). Who is so
     still, though found for sure, may be built otherwise than the model: fitted to frames in doubt, such a body is kept
-    if it leaves half of them without. A person who was not found for sure may face the other way: a body fitted to
-    frames in doubt would have ended his doubts as well: a man was 447 mm off in 90 frames, none doubtful.
+    if it leaves half of them without. A person who was not found for sure may face the other way, and a body fitted
+    to frames in doubt would end the doubts: a man was 447 mm off in 90 frames, none doubtful.
 
     Args:
         spaces: place of a person in the scene -> how its body may differ from that in the scene.

@@ -22,7 +22,7 @@ from tracker.tracking.trajectory import History
 
 _Found = TypeVar("_Found")
 
-# Fitted by scripts/fit_doubt.py to pairs of poses of which one is nearer to the truth. See docs/lab/one_comparison.md.
+# Fitted to pairs of poses of which one is right, as scripts/fit_doubt.py does it. See docs/lab/one_comparison.md.
 NATS_PER_PX, NATS_OF_COLOURS = 2.9, 110.0
 """What a px of distance tells, and a nat a pixel of impurity (`PartColours.impurities`), nats."""
 
@@ -78,8 +78,8 @@ class Objective:
         found: Array = NATS_PER_PX * self(poses)
         if self.colours is None or not len(poses):
             return found
-        (scene, person), made = (self.asked.scene, self.asked.person), self.colours
-        colours = self.kept("colours", lambda: made(scene.with_pose(person, poses[0])))
+        scene, person = self.asked.scene, self.asked.person
+        colours = self.colours(scene.with_pose(person, poses[0]))
         impurities = self._each("impurity", poses, lambda asked: colours.impurities(scene, person, asked))
         return found + NATS_OF_COLOURS * impurities
 
